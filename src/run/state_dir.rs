@@ -7,7 +7,7 @@
 //! copy), begins above every start before. To a folder without a count a little chance is added: cards written from one
 //! image begin with the same wrong time when the machine has no clock (the image's), and must not repeat each other's
 //! numbers. Where the clock cannot be right (1970) it is one more than the last, or chance alone: hardly a number that
-//! was used, but perhaps a lower one. That others have heard of a higher one is noticed by [`super::later_start`].
+//! was used, but perhaps a lower one. That others have heard of a higher one is noticed by `later_start`.
 //!
 //! Recordings give way before a start is counted. Should the disk be full all the same, of other files, there is a file of
 //! 1 MB to be deleted (`reserve`), which is made again when there is room: a node that is started anew does not fail for want
