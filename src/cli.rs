@@ -15,6 +15,7 @@ mod accept_files;
 pub mod check;
 #[cfg(feature = "hw")]
 mod check_devices;
+mod csv;
 #[cfg(feature = "dash")]
 pub mod dash;
 mod describe;
@@ -66,6 +67,7 @@ pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
+mod samples_csv;
 pub mod scene;
 mod scene_pictures;
 mod scene_text;

@@ -45,6 +45,7 @@ mod servo_driver;
 mod silence;
 mod sim;
 mod source;
+mod source_file;
 mod swarm;
 mod task;
 mod to_toml;
@@ -87,6 +88,7 @@ pub use range_driver::{
 pub use scene::{MaterialSpec, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use servo_driver::{RealServo, ServoDriver, ServoOutput, ServoScale};
 pub use sim::Sim;
+pub use source_file::SourceFile;
 pub use swarm::Swarm;
 pub use task::MissionTable;
 pub use vehicle::{BodySpec, CARRIED_S, Craft, Flight, Safety, Vehicles};

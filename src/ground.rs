@@ -29,7 +29,7 @@ use crate::stops::{Stops, StopsSettings};
 
 pub use ground_node::GroundNode;
 pub use route::{Effect, Event};
-pub use samples::SampleStore;
+pub use samples::{MeasuredSample, SampleStore};
 
 /// How a ground station is wired.
 #[derive(Debug)]

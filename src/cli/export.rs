@@ -11,14 +11,14 @@ use super::error::CliError;
 use super::folder::OutputFolder;
 use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
+use super::samples_csv::{SAMPLES_HEADER, sample_line, utc_text};
 use crate::config::{self, Config, Venue};
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
 use crate::geom::{Lattice, Point};
+use crate::ground::MeasuredSample;
 use crate::map::Merged;
-use crate::store::export::{
-    Features, SAMPLES_HEADER, extend_track, sample_line, utc_text, world_file,
-};
-use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun, StoredSample};
+use crate::store::export::{Features, extend_track, world_file};
+use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun};
 use crate::tomo::{Image, LinkBins, npy_bytes};
 
 /// The names of the files that are not of one run.
@@ -171,7 +171,7 @@ fn write_run(
     let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
     let mut count = 0;
     store.each_sample(Some(run), |stored| {
-        let StoredSample {
+        let MeasuredSample {
             vehicle,
             boot,
             run: _,
@@ -489,11 +489,12 @@ mod tests {
             ]
         );
         assert_eq!((fields[13], fields[20]), ("3.0000", ""), "{}", lines[4]);
-        let links = super::super::image::read_file(&out.join("run-2-links.csv"))
-            .unwrap()
-            .links;
-        assert_eq!(links.iter().map(|link| link.packets).sum::<u32>(), 9);
-        assert_eq!(links.iter().map(|link| link.misses).sum::<u32>(), 1);
+        for name in ["run-2-links.csv", "run-2-samples.csv"] {
+            let recording = super::super::image::read_file(&out.join(name)).unwrap();
+            let links = &recording.links;
+            assert_eq!(links.iter().map(|link| link.packets).sum::<u32>(), 9);
+            assert_eq!(links.iter().map(|link| link.misses).sum::<u32>(), 1);
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::config::SourceFile;
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
@@ -233,12 +234,13 @@ impl ImageCommand {
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
         self.check_files()?;
-        let network = self.network()?;
+        let mut made_from = Vec::new();
+        let network = self.network(&mut made_from)?;
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
             None => {
-                let now = read_files(&self.files, None)?;
-                let empty = read_files(&self.empty, Some(now.unit))?;
+                let now = read_files(&self.files, None, &mut made_from)?;
+                let empty = read_files(&self.empty, Some(now.unit), &mut made_from)?;
                 (now, empty)
             }
         };
@@ -252,8 +254,8 @@ impl ImageCommand {
             settings.pairing_m = settings.pairing_m.min(network.bin_m());
         }
         let count = now.links.len();
-        let now = pooled(now, self.files.len(), settings.pairing_m);
-        let empty = pooled(empty, self.empty.len(), settings.pairing_m);
+        let now = pooled(now, settings.pairing_m);
+        let empty = pooled(empty, settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let extras = Extras {
             persons: true,
@@ -272,7 +274,7 @@ impl ImageCommand {
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = StopFlag::listen();
         let track = tracks.as_ref().map(Tracks::csv);
-        Outputs::open(self)?.write(&result, &settings, unit, track.as_deref())?;
+        Outputs::open(self)?.write(&result, &settings, (unit, &made_from), track.as_deref())?;
         let mut text = summary(&result, (count, now.len()), unit);
         text.extend(tracks.as_ref().map(Tracks::words));
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -298,9 +300,14 @@ impl ImageCommand {
         }
     }
 
-    fn network(&self) -> Result<Option<NetworkRecording>, CliError> {
-        let read = |nodes: &PathBuf| NetworkRecording::read(nodes, &self.files, &self.empty);
-        self.nodes.as_ref().map(read).transpose()
+    fn network(
+        &self,
+        made_from: &mut Vec<SourceFile>,
+    ) -> Result<Option<NetworkRecording>, CliError> {
+        let Some(nodes) = &self.nodes else {
+            return Ok(None);
+        };
+        NetworkRecording::read(nodes, &self.files, &self.empty, made_from).map(Some)
     }
 
     /// Tries whether all outputs can be written, to files of their own.
@@ -463,12 +470,27 @@ fn parse_area(text: &str) -> Result<Rect, String> {
 /// # Errors
 /// The file cannot be read, or is no recording.
 pub(super) fn read_file(path: &Path) -> Result<Recording, CliError> {
+    read_with(path, &mut Vec::new(), |text| {
+        read_recording(text.as_bytes())
+    })
+}
+
+/// Reads a file by a parser, and notes that it was read.
+///
+/// # Errors
+/// The file cannot be read, or the parser refuses it.
+pub(super) fn read_with<T>(
+    path: &Path,
+    made_from: &mut Vec<SourceFile>,
+    parse: impl Fn(&str) -> Result<T, RecordingError>,
+) -> Result<T, CliError> {
     let text = read::text(path)?;
+    made_from.push(SourceFile::of(&read::shown(path), text.as_bytes()));
     let wrong = |problem| ImageError::Recording {
         path: path.to_owned(),
         problem,
     };
-    Ok(read_recording(text.as_bytes()).map_err(wrong)?)
+    Ok(parse(&text).map_err(wrong)?)
 }
 
 /// Returns whether two names lead to the same file; one that does not exist yet has only its own name.
@@ -486,10 +508,15 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 
 /// Reads files that must all have one unit: the given one, else that of the first. The area is that of the first file
 /// that names one.
-fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recording, CliError> {
+fn read_files(
+    paths: &[PathBuf],
+    expected: Option<LengthUnit>,
+    made_from: &mut Vec<SourceFile>,
+) -> Result<Recording, CliError> {
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
+    let mut pooled_in_m = None;
     for path in paths {
-        let recording = read_file(path)?;
+        let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
         let expected = *unit.get_or_insert(recording.unit);
         if recording.unit != expected {
             let (found, expected) = (recording.unit.word(), expected.word());
@@ -503,12 +530,14 @@ fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recordi
         links.extend(recording.links);
         area = area.or(recording.area);
         imaging = imaging.or(recording.imaging);
+        pooled_in_m = recording.pooled_in_m.filter(|_| paths.len() == 1);
     }
     Ok(Recording {
         links,
         unit: unit.unwrap_or(LengthUnit::Metre),
         area,
         imaging,
+        pooled_in_m,
     })
 }
 
@@ -526,11 +555,12 @@ pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
         .unwrap_or(Rect::new(Point::default(), Point::default()))
 }
 
-/// Pools what lies in the same bins; one file that tomoswarm has written holds pooled links already.
-fn pooled(recording: Recording, files: usize, bin_m: f64) -> Vec<Link> {
-    let Recording { links, imaging, .. } = recording;
-    let is_pooled = files == 1 && imaging.is_some_and(|output| output.imaging.bin_m == bin_m);
-    if is_pooled || bin_m <= 0.0 {
+/// Pools what lies in the same bins, unless it is pooled in such already.
+fn pooled(recording: Recording, bin_m: f64) -> Vec<Link> {
+    let Recording {
+        links, pooled_in_m, ..
+    } = recording;
+    if pooled_in_m == Some(bin_m) || bin_m <= 0.0 {
         return links;
     }
     let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));

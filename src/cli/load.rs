@@ -7,7 +7,7 @@ use tomoswarm_proto::{Revision, RunId};
 
 use super::error::CliError;
 use super::read;
-use crate::config::{self, Problems, SceneFile, Sim, bundled};
+use crate::config::{self, Problems, SceneFile, Sim, SourceFile, bundled};
 use crate::ground::planner::{Request, plan};
 use crate::scene::{self, Person, Scene, VrmlScene};
 use crate::sim::Scenario;
@@ -19,6 +19,8 @@ pub(super) struct LoadedSimulation {
     pub sim: Sim,
     /// Its shapes.
     pub shapes: VrmlScene,
+    /// All files that were read for it, each once.
+    pub made_from: Vec<SourceFile>,
 }
 
 /// A scene as read.
@@ -40,7 +42,11 @@ pub(super) struct LoadedScene {
 impl LoadedSimulation {
     /// Puts together a simulation and its shapes that were read elsewhere.
     pub(super) fn new(sim: Sim, shapes: VrmlScene) -> LoadedSimulation {
-        LoadedSimulation { sim, shapes }
+        LoadedSimulation {
+            sim,
+            shapes,
+            made_from: Vec::new(),
+        }
     }
 }
 
@@ -147,10 +153,23 @@ fn load_with(
         path: name.into(),
         reason,
     };
-    let text = loader(name).map_err(unreadable)?;
-    let sim = read_sim(name, &text, vehicles, loader)?;
-    let shapes = shapes_of(&sim.scene, loader)?;
-    Ok(LoadedSimulation { sim, shapes })
+    let mut made_from: Vec<SourceFile> = Vec::new();
+    let mut noted = |name: &str| {
+        let text = loader(name)?;
+        let source = SourceFile::of(name, text.as_bytes());
+        if !made_from.contains(&source) {
+            made_from.push(source);
+        }
+        Ok(text)
+    };
+    let text = noted(name).map_err(unreadable)?;
+    let sim = read_sim(name, &text, vehicles, &mut noted)?;
+    let shapes = shapes_of(&sim.scene, &mut noted)?;
+    Ok(LoadedSimulation {
+        sim,
+        shapes,
+        made_from,
+    })
 }
 
 /// Reads the shapes that a scene names; none when it names no file.
@@ -207,7 +226,11 @@ pub(super) fn scenario(
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
     let refused = |reason| CliError::Input { path, reason };
-    match Scenario::new(loaded.sim, loaded.shapes.shapes, seed) {
+    let made = Scenario::new(loaded.sim, loaded.shapes.shapes, seed).map(|mut scenario| {
+        scenario.made_from = loaded.made_from;
+        scenario
+    });
+    match made {
         Err(error) => Err(refused(error.to_string())),
         Ok(scenario) if !scenario.sim().is_planned_by_ground() => Ok(scenario),
         Ok(scenario) => match planned(&scenario) {

@@ -5,14 +5,14 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use crate::config::SourceFile;
 use crate::geom::Rect;
 use crate::tomo::{TrackedPerson, Tracker, TrackingSettings};
 
 use super::error::CliError;
 use super::fixed_network::{NodePlaces, Round};
-use super::image::ImageError;
-use super::read;
-use super::recording::{LengthUnit, Recording, RecordingError};
+use super::image::read_with;
+use super::recording::{LengthUnit, Recording};
 
 /// The header of a file of tracks.
 const TRACK_HEADER: &str = "time_s,person,x_m,y_m,sd_x_m,sd_y_m,probability";
@@ -45,13 +45,14 @@ impl NetworkRecording {
         nodes: &Path,
         now: &[PathBuf],
         empty: &[PathBuf],
+        made_from: &mut Vec<SourceFile>,
     ) -> Result<NetworkRecording, CliError> {
-        let places = read_with(nodes, NodePlaces::read)?;
-        let rounds = |paths: &[PathBuf]| -> Result<Vec<Round>, CliError> {
+        let places = read_with(nodes, made_from, NodePlaces::read)?;
+        let mut rounds = |paths: &[PathBuf]| -> Result<Vec<Round>, CliError> {
             let mut all: Vec<Round> = Vec::new();
             for path in paths {
                 let begins_s = all.last().map_or(0.0, |round| round.at_s);
-                let more = read_with(path, |text| places.read_rounds(text))?;
+                let more = read_with(path, made_from, |text| places.read_rounds(text))?;
                 all.extend(more.into_iter().map(|round| Round {
                     at_s: round.at_s + begins_s,
                     ..round
@@ -84,6 +85,7 @@ impl NetworkRecording {
             unit: LengthUnit::Metre,
             area: None,
             imaging: None,
+            pooled_in_m: None,
         }
     }
 
@@ -184,18 +186,6 @@ impl Tracks {
         }
         text
     }
-}
-
-fn read_with<T>(
-    path: &Path,
-    parse: impl Fn(&str) -> Result<T, RecordingError>,
-) -> Result<T, CliError> {
-    let text = read::text(path)?;
-    let wrong = |problem| ImageError::Recording {
-        path: path.to_owned(),
-        problem,
-    };
-    Ok(parse(&text).map_err(wrong)?)
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

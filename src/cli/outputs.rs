@@ -12,6 +12,7 @@ use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
 use super::pictures::marks;
 use super::recording::LengthUnit;
+use crate::config::SourceFile;
 use crate::draw::{HeatMap, Picture};
 use crate::tomo::{
     Choice, Find, Finds, Image, ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction,
@@ -52,7 +53,7 @@ impl Outputs {
         mut self,
         result: &Reconstruction,
         settings: &ImagingSettings,
-        unit: LengthUnit,
+        (unit, made_from): (LengthUnit, &[SourceFile]),
         track: Option<&str>,
     ) -> Result<(), CliError> {
         let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
@@ -64,7 +65,8 @@ impl Outputs {
         }
         fill(&mut self.npy, &|| npy_bytes(&result.image))?;
         fill(&mut self.json, &|| {
-            format!("{:#}\n", report(result, settings, unit)).into_bytes()
+            let report = report(result, settings, (unit, made_from));
+            format!("{report:#}\n").into_bytes()
         })?;
         fill(&mut self.track, &|| {
             track.unwrap_or_default().as_bytes().to_vec()
@@ -196,7 +198,11 @@ fn deviation_picture(deviation: &Image, unit: LengthUnit) -> Result<Vec<u8>, Cli
 }
 
 /// Returns the content of the JSON output.
-fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit) -> Value {
+fn report(
+    result: &Reconstruction,
+    settings: &ImagingSettings,
+    (unit, made_from): (LengthUnit, &[SourceFile]),
+) -> Value {
     let peak = |peak: &Peak| {
         let significance = peak.significance.min(1e9);
         json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance, "is_faint": peak.is_faint()})
@@ -218,6 +224,8 @@ fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit)
         "why": result.shares.as_ref().map(shares_json),
         "choice": result.choice.as_ref().map(choice_json),
         "settings": settings_json(settings, unit, result.by_empty_sweep),
+        "version": env!("CARGO_PKG_VERSION"),
+        "made_from": made_from,
     })
 }
 

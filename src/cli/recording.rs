@@ -1,4 +1,4 @@
-//! Reads recordings: CSV files of links and the JSON dumps of the 2016 two-rover system, told apart by content.
+//! Reads recordings: CSV files of links or samples, and the JSON dumps of the 2016 two-rover system, told apart by content.
 //!
 //! Pure: bytes in, links out. Every mistake names the line (or packet), what was found and what was expected.
 
@@ -8,6 +8,8 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::csv::{self, CsvHeader};
+use super::samples_csv::{NEEDED, SAMPLES_HEADER, read_samples};
 use crate::config::LinksFile;
 use crate::geom::{Point, Rect};
 use crate::tomo::Link;
@@ -19,11 +21,11 @@ pub const LINKS_HEADER: &str =
     "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
 
 /// Farthest coordinate that is believed, metres.
-const FARTHEST_M: f64 = 1e7;
+pub(super) const FARTHEST_M: f64 = 1e7;
 /// Smallest and largest side of an area that is believed, cells.
 const SIDE_CELLS: (f64, f64) = (1.0, 10_000.0);
 /// Weakest and strongest signal that are believed, dBm.
-const STRENGTH_DBM: (f64, f64) = (-200.0, 40.0);
+pub(super) const STRENGTH_DBM: (f64, f64) = (-200.0, 40.0);
 
 /// What is wrong in a recording.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -88,8 +90,10 @@ pub struct Recording {
     pub unit: LengthUnit,
     /// The area that the recording itself names.
     pub area: Option<Rect>,
-    /// How the links are to be imaged, as the recording itself says it; they are pooled already then.
+    /// How the links are to be imaged, as the recording itself says it.
     pub imaging: Option<LinksFile>,
+    /// The side of the bins in which the links are pooled already, metres.
+    pub pooled_in_m: Option<f64>,
 }
 
 /// Reads a recording.
@@ -120,12 +124,7 @@ pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
 /// `rssi_dbm` where no packet was heard. Every number is written to its last digit, so that the links read are the links
 /// written.
 pub fn links_csv(links: &[Link], imaging: Option<&LinksFile>) -> String {
-    let mut text: String = imaging
-        .map(LinksFile::written)
-        .unwrap_or_default()
-        .lines()
-        .map(|line| format!("{COMMENT} {line}").trim_end().to_owned() + "\n")
-        .collect();
+    let mut text = comments(imaging);
     text += &format!("{LINKS_HEADER}\n");
     for link in links {
         let Link {
@@ -155,6 +154,14 @@ pub fn links_csv(links: &[Link], imaging: Option<&LinksFile>) -> String {
 /// What begins a line of a CSV file that holds no link.
 const COMMENT: char = '#';
 
+/// Returns the comments that say how a file is to be imaged.
+pub(super) fn comments(imaging: Option<&LinksFile>) -> String {
+    let text = imaging.map(LinksFile::written).unwrap_or_default();
+    text.lines()
+        .map(|line| format!("{COMMENT} {line}").trim_end().to_owned() + "\n")
+        .collect()
+}
+
 /// Reads how links are to be imaged from the comments that a file begins with; `None` when they say nothing of it.
 fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
     let comments: Vec<&str> = text
@@ -182,148 +189,81 @@ fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
     })
 }
 
-/// Which column of a CSV file holds what.
-#[derive(Clone, Copy, Default)]
-struct Columns {
-    count: usize,
-    ends: [usize; 4],
-    rssi: usize,
-    packets: Option<usize>,
-    spots: Option<usize>,
-    misses: Option<usize>,
-    spread: Option<usize>,
-}
-
 fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let mut lines = text
         .lines()
         .enumerate()
         .map(|(index, line)| (index + 1, line.trim_end()))
-        .filter(|(_, line)| !line.starts_with(COMMENT));
+        .filter(|(_, line)| !line.starts_with(COMMENT) && !line.trim().is_empty());
     let imaging = read_comments(text)?;
-    let columns = match lines.find(|(_, line)| !line.trim().is_empty()) {
-        Some((number, header)) => read_header(number, header)?,
-        None => return Err(wrong("1: ".into(), "an empty file", CSV_HEADER)),
+    let Some((number, line)) = lines.next() else {
+        return Err(wrong("1: ".into(), "an empty file", CSV_HEADER));
     };
-    let mut links = Vec::new();
-    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        links.push(read_line(number, line, &columns)?);
-    }
-    if links.is_empty() {
-        return Err(wrong(
-            "2: ".into(),
-            "the end of the file",
-            "at least one line of numbers",
-        ));
-    }
+    let is_of_links = |name: &str| csv::names(LINKS_HEADER).any(|known| known == name);
+    let mut of_samples = csv::names(SAMPLES_HEADER).filter(|name| !is_of_links(name));
+    let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
+    let (links, pooled_in_m) = if are_samples {
+        let expected = format!("a header of samples, with {NEEDED} at least");
+        let header = CsvHeader::read(number, line, SAMPLES_HEADER, expected)?;
+        (read_samples(&header, lines)?, None)
+    } else {
+        let expected = format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
+        let header = CsvHeader::read(number, line, LINKS_HEADER, expected)?;
+        let bin_m = imaging.as_ref().map(|imaging| imaging.imaging.bin_m);
+        (read_links(&header, lines)?, bin_m)
+    };
     Ok(Recording {
         links,
         unit: LengthUnit::Metre,
         area: imaging.as_ref().map(|imaging| imaging.area),
         imaging,
+        pooled_in_m,
     })
 }
 
-fn read_header(number: usize, header: &str) -> Result<Columns, RecordingError> {
-    let names: Vec<&str> = header.split(',').map(str::trim).collect();
-    let place = || format!("{number}: ");
-    let expected = || format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
-    let mut found = BTreeMap::new();
-    for (column, name) in names.iter().enumerate() {
-        if !LINKS_HEADER.split(',').any(|known| known == *name) {
-            return Err(wrong(
-                place(),
-                format!("the column {}", quoted(name)),
-                expected(),
-            ));
-        }
-        if found.insert(*name, column).is_some() {
-            return Err(wrong(
-                place(),
-                format!("the column {} twice", quoted(name)),
-                expected(),
-            ));
-        }
-    }
-    let needed = |name: &str| {
-        found
-            .get(name)
-            .copied()
-            .ok_or_else(|| wrong(place(), format!("no column \"{name}\""), expected()))
-    };
-    Ok(Columns {
-        count: names.len(),
-        ends: [
-            needed("tx_x_m")?,
-            needed("tx_y_m")?,
-            needed("rx_x_m")?,
-            needed("rx_y_m")?,
-        ],
-        rssi: needed("rssi_dbm")?,
-        packets: found.get("packets").copied(),
-        spots: found.get("spots").copied(),
-        misses: found.get("misses").copied(),
-        spread: found.get("spread_db").copied(),
-    })
-}
-
-fn read_line(number: usize, line: &str, columns: &Columns) -> Result<Link, RecordingError> {
-    let place = || format!("{number}: ");
-    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-    if fields.len() != columns.count {
-        let expected = format!("{} as the header has", columns.count);
-        return Err(wrong(place(), format!("{} fields", fields.len()), expected));
-    }
-    let ranged = |field: &str, (low, high): (f64, f64), what: &str| {
-        let value = field
-            .parse::<f64>()
-            .ok()
-            .filter(|value| (low..=high).contains(value));
-        value.ok_or_else(|| {
-            wrong(
-                place(),
-                quoted(field),
-                format!("{what} from {low} to {high}"),
-            )
-        })
-    };
-    let whole = |column: Option<usize>, default: u32, least: u32, what: &str| {
-        let Some(field) = column.map(|column| fields[column]) else {
-            return Ok(default);
+fn read_links<'a>(
+    header: &CsvHeader<'_>,
+    lines: impl Iterator<Item = (usize, &'a str)>,
+) -> Result<Vec<Link>, RecordingError> {
+    let (tx_x, tx_y) = (header.needed("tx_x_m")?, header.needed("tx_y_m")?);
+    let (rx_x, rx_y) = (header.needed("rx_x_m")?, header.needed("rx_y_m")?);
+    let rssi = header.needed("rssi_dbm")?;
+    let [packets, spots, misses, spread] =
+        ["packets", "spots", "misses", "spread_db"].map(|name| header.column(name));
+    let read = |(number, line): (usize, &str)| {
+        let fields = header.fields(number, line)?;
+        let whole = |column: Option<usize>, default: u32, least: u32, what: &str| match column {
+            Some(column) => fields.whole(column, least, what),
+            None => Ok(default),
         };
-        let value = field.parse::<u32>().ok().filter(|value| *value >= least);
-        value.ok_or_else(|| {
-            wrong(
-                place(),
-                quoted(field),
-                format!("a whole number of {what}, at least {least}"),
-            )
+        let misses = whole(misses, 0, 0, "misses")?;
+        let packets = whole(packets, 1, u32::from(misses == 0), "packets")?;
+        Ok(Link {
+            from: fields.place([tx_x, tx_y])?,
+            to: fields.place([rx_x, rx_y])?,
+            packets,
+            spots: whole(spots, 1, 1, "spots")?,
+            misses,
+            mean_dbm: match packets {
+                0 => f64::NAN,
+                _ => fields.ranged(rssi, STRENGTH_DBM, "dBm")?,
+            },
+            spread_db: match spread {
+                Some(column) => fields.ranged(column, (0.0, 200.0), "dB")?,
+                None => 0.0,
+            },
         })
     };
-    let coordinate =
-        |column: usize| ranged(fields[column], (-FARTHEST_M, FARTHEST_M), "a coordinate");
-    let misses = whole(columns.misses, 0, 0, "misses")?;
-    let packets = whole(columns.packets, 1, u32::from(misses == 0), "packets")?;
-    Ok(Link {
-        from: Point::new(coordinate(columns.ends[0])?, coordinate(columns.ends[1])?),
-        to: Point::new(coordinate(columns.ends[2])?, coordinate(columns.ends[3])?),
-        packets,
-        spots: whole(columns.spots, 1, 1, "spots")?,
-        misses,
-        mean_dbm: if packets == 0 {
-            f64::NAN
-        } else {
-            ranged(fields[columns.rssi], STRENGTH_DBM, "dBm")?
-        },
-        spread_db: match columns.spread {
-            Some(column) => ranged(fields[column], (0.0, 200.0), "dB")?,
-            None => 0.0,
-        },
-    })
+    let links = lines.map(read).collect::<Result<Vec<Link>, _>>()?;
+    if links.is_empty() {
+        let expected = "at least one line of numbers";
+        return Err(wrong("2: ".into(), "the end of the file", expected));
+    }
+    Ok(links)
 }
 
 /// Quotes what was found, cut to a readable length.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     const LONGEST: usize = 40;
     let cut: String = text.chars().take(LONGEST).collect();
     let dots = if cut.len() < text.len() { "..." } else { "" };
@@ -375,6 +315,7 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
         unit: LengthUnit::Cell,
         area,
         imaging: None,
+        pooled_in_m: None,
     })
 }
 

@@ -7,13 +7,16 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::recording::links_csv;
+use super::samples_csv::samples_csv;
 use super::tracks::write_tracks;
-use crate::config::{Expect, LinksFile};
+use crate::config::{Expect, LinksFile, SourceFile};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::node::mission::EndReason;
 use crate::sim::bus::BytesByKind;
-use crate::sim::{EndedMission, FoundObject, RunOutcome, Scenario, ScenarioError, VisibleScene};
+use crate::sim::{
+    EMPTY_RUN, EndedMission, FoundObject, RUN, RunOutcome, Scenario, ScenarioError, VisibleScene,
+};
 use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
@@ -21,6 +24,8 @@ use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 pub(super) const FAMILY: &[&str] = &[
     "links.csv",
     "empty.csv",
+    "samples.csv",
+    "empty-samples.csv",
     "image.npy",
     "structure.npy",
     "image.png",
@@ -49,6 +54,7 @@ struct SurfaceCoverage {
 #[derive(Debug)]
 pub(super) struct RunFigures {
     seed: u64,
+    made_from: Vec<SourceFile>,
     scene: String,
     vehicles: usize,
     finished: bool,
@@ -93,6 +99,7 @@ impl RunFigures {
     ) -> Result<RunFigures, ScenarioError> {
         Ok(RunFigures {
             seed,
+            made_from: scenario.made_from.clone(),
             scene: scenario.sim().scene.name.clone(),
             vehicles: scenario.sim().vehicles.count,
             finished: outcome.finished,
@@ -282,6 +289,7 @@ impl RunFigures {
             "detected_cells": self.seen.map(|seen| seen.found),
             "missions": self.missions.iter().map(mission).collect::<Vec<_>>(),
             "version": env!("CARGO_PKG_VERSION"),
+            "made_from": self.made_from,
         })
     }
 }
@@ -400,6 +408,16 @@ pub(super) fn write_data(
     folder.write("links.csv", links(&outcome.links).as_bytes())?;
     if sim.empty_sweep {
         folder.write("empty.csv", links(&outcome.empty_links).as_bytes())?;
+    }
+    if let Some(measured) = &outcome.measured {
+        let of_run = |run| {
+            let samples = measured.iter().filter(move |sample| sample.run == run);
+            samples_csv(samples, &imaging)
+        };
+        folder.write("samples.csv", of_run(RUN).as_bytes())?;
+        if sim.empty_sweep {
+            folder.write("empty-samples.csv", of_run(EMPTY_RUN).as_bytes())?;
+        }
     }
     let images = [
         ("image", &outcome.change),

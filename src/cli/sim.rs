@@ -68,6 +68,9 @@ pub struct SimArgs {
         requires = "live"
     )]
     pub topology: super::live::LiveTopology,
+    /// Write every beacon heard or missed as well: samples.csv, and empty-samples.csv of the empty sweep
+    #[arg(long, conflicts_with = "trials")]
+    pub samples: bool,
     /// Draw the map and the vehicles in the terminal while the simulation runs
     #[arg(long, group = "shown", conflicts_with = "trials")]
     pub watch: bool,
@@ -101,6 +104,7 @@ The folder then holds
   map.png        what the range sensors saw, where the vehicles drove, and who stood there
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them
+  samples.csv, empty-samples.csv   with --samples: every beacon heard or missed; `tomoswarm image` reads them as well
   summary.json   finished, simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more
   track-N.waypoints  where vehicle N drove, as a mission that QGroundControl and [mission] file read
   run.log        what happened when, in virtual time
@@ -274,7 +278,9 @@ impl SimArgs {
     /// # Errors
     /// Everything that is wrong with the files.
     pub(super) fn scenario(&self, seed: Option<u64>) -> Result<Scenario, CliError> {
-        load::scenario(self.loaded()?, self.config.as_deref(), seed)
+        let mut scenario = load::scenario(self.loaded()?, self.config.as_deref(), seed)?;
+        scenario.keeps_samples = self.samples;
+        Ok(scenario)
     }
 
     /// Loads the files.

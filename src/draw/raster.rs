@@ -87,6 +87,10 @@ impl Picture {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::Fast);
+        let software = concat!("tomoswarm ", env!("CARGO_PKG_VERSION"));
+        encoder
+            .add_text_chunk("Software".to_owned(), software.to_owned())
+            .map_err(refused)?;
         let mut writer = encoder.write_header().map_err(refused)?;
         writer.write_image_data(&self.rgb).map_err(refused)?;
         writer.finish().map_err(refused)?;

@@ -28,6 +28,44 @@ const CLOSED_MAX: usize = 1024;
 
 type Source = (VehicleId, Boot, RunId);
 
+/// A sample with all that tells it from others.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct MeasuredSample {
+    /// Who measured.
+    pub vehicle: VehicleId,
+    /// Start of its software.
+    pub boot: Boot,
+    /// In which run.
+    pub run: RunId,
+    /// What was measured.
+    pub sample: Sample,
+    /// When, seconds since 1970, and its deviation, as far as known.
+    pub utc_s: Option<(f64, f64)>,
+}
+
+impl MeasuredSample {
+    /// Returns the samples of batches, each once, by run, vehicle, start and number; when they were heard is not known.
+    pub(crate) fn of_batches<'a>(
+        batches: impl Iterator<Item = &'a Samples>,
+    ) -> Vec<MeasuredSample> {
+        let measured = batches.flat_map(|batch| {
+            batch.samples.iter().map(|sample| MeasuredSample {
+                vehicle: batch.vehicle,
+                boot: batch.boot,
+                run: batch.run,
+                sample: *sample,
+                utc_s: None,
+            })
+        });
+        let by_key: BTreeMap<_, _> = measured.map(|one| (one.key(), one)).collect();
+        by_key.into_values().collect()
+    }
+
+    fn key(&self) -> (RunId, VehicleId, Boot, u64) {
+        (self.run, self.vehicle, self.boot, self.sample.sequence)
+    }
+}
+
 /// What has been received of one source.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Received {

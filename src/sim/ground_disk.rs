@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use tomoswarm_proto::{LayerId, Message, OpenStops, Samples, TileAddress, TileReport};
 
-use crate::ground::ActorSettings;
 use crate::ground::from_config::GroundParts;
 use crate::ground::station::{Station, StationMemory};
+use crate::ground::{ActorSettings, MeasuredSample};
 use crate::stops::StopsSettings;
 
 /// What a ground station that is started anew goes on from.
@@ -22,7 +22,7 @@ pub(super) struct GroundDisk {
 }
 
 impl GroundDisk {
-    /// Makes an empty one; `is_read` = the ground station will be started anew.
+    /// Makes an empty one; `is_read` = the ground station will be started anew, or its samples are wanted.
     pub(super) fn new(is_read: bool) -> GroundDisk {
         GroundDisk {
             is_read,
@@ -57,6 +57,11 @@ impl GroundDisk {
             }
             _ => {}
         }
+    }
+
+    /// Returns all samples, each once, in order.
+    pub(super) fn samples(&self) -> Vec<MeasuredSample> {
+        MeasuredSample::of_batches(self.samples.iter())
     }
 
     /// Returns what a ground station begins with that is started anew.

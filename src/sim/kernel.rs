@@ -84,7 +84,8 @@ impl Kernel {
         let restarts = |(_, turn): &(_, SoftwareFaultEvent)| {
             *turn == SoftwareFaultEvent::Starts(NodeId::Ground)
         };
-        let ground = SimulatedGround::new(parts.ground, turns.iter().any(restarts));
+        let is_disk_read = parts.keeps_samples || turns.iter().any(restarts);
+        let ground = SimulatedGround::new(parts.ground, is_disk_read);
         let operators = parts.operators.iter();
         let operators = operators.map(|operator| (operator.id(), operator.interest().to_vec()));
         let (greetings, egress_bytes_per_s) = (parts.greetings, parts.egress_bytes_per_s);
@@ -176,7 +177,7 @@ impl Kernel {
             monitor: self.monitor,
             min_separation_m: environment.min_separation_m(now),
             environment,
-            ground: self.nodes.into_ground().into_node(),
+            ground: self.nodes.into_ground(),
             bus: self.network.into_bus(),
             ended_at: self.schedule.ended_at().unwrap_or(now),
             is_time_up: self.schedule.ended_at().is_none(),

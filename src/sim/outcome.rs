@@ -10,6 +10,7 @@ use super::operator_script::RUN;
 use super::place_results::PlaceResult;
 use super::world::{Collision, FenceBreach};
 use crate::geom::Point;
+use crate::ground::MeasuredSample;
 use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::map::Merged;
 use crate::node::mission::EndReason;
@@ -93,6 +94,8 @@ pub struct RunOutcome {
     pub min_separation_m: Option<f64>,
     /// Samples stored of the main sweep.
     pub samples: u64,
+    /// All samples of all sweeps, each once, in order; `None` = the scenario was not to keep them.
+    pub measured: Option<Vec<MeasuredSample>>,
     /// Links of the main sweep.
     pub links: Vec<Link>,
     /// Links of the empty sweep; none without one.

@@ -24,7 +24,7 @@ use super::staging;
 use super::unmet::unmet;
 use super::world::{FlightConditions, GROUND_CLEARANCE_M, VehicleBuild, World, WorldContents};
 use crate::autopilot::VehicleKind;
-use crate::config::{self, Craft, Drivers, PlannedFault, PlannedPartition, Sim};
+use crate::config::{self, Craft, Drivers, PlannedFault, PlannedPartition, Sim, SourceFile};
 use crate::geom::Point;
 use crate::ground::from_config::{self, GroundParts};
 use crate::ground::imager::Subject;
@@ -107,6 +107,10 @@ pub struct Scenario {
     pub ends_at_contact: bool,
     /// How often a run shows itself to who watches it, virtual time; once a second by itself.
     pub shown_every: Duration,
+    /// All samples are part of the outcome.
+    pub keeps_samples: bool,
+    /// The files that it was read from, for who reports of it.
+    pub made_from: Vec<SourceFile>,
 }
 
 impl Scenario {
@@ -127,6 +131,8 @@ impl Scenario {
             shuffle_ties: false,
             ends_at_contact: true,
             shown_every,
+            keeps_samples: false,
+            made_from: Vec::new(),
         };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
@@ -301,6 +307,7 @@ impl Scenario {
             shuffle_ties: self.shuffle_ties,
             ends_at_contact: self.ends_at_contact,
             shown_every: self.shown_every,
+            keeps_samples: self.keeps_samples,
         })
     }
 
@@ -490,7 +497,7 @@ impl Scenario {
             is_time_up,
             min_separation_m,
         } = kernel.finish();
-        let station = ground.station();
+        let station = ground.node().station();
         let outlines = self.outlines()?;
         let unmet = unmet(&self.sim, fleet, &monitor, is_time_up);
         let finished = unmet.is_none() && record.failure.is_none();
@@ -506,6 +513,7 @@ impl Scenario {
             breaches: environment.world().fence_breaches().to_vec(),
             min_separation_m: min_separation_m.is_finite().then_some(min_separation_m),
             samples: station.samples().count(RUN),
+            measured: self.keeps_samples.then(|| ground.samples()),
             links: station.samples().links(RUN),
             empty_links: station.samples().links(EMPTY_RUN),
             change: RunOutcome::take(&mut record.pictures, Subject::Change),

@@ -1,88 +1,15 @@
-//! Stored data as text for other programs: samples as CSV, and what lies where on the earth as GeoJSON. Gives text, and
-//! writes no files; links, images and pictures have their own writers.
-
-use std::fmt::Write as _;
+//! Stored data as text for other programs: what lies where on the earth, as world files and GeoJSON. Gives text, and writes no
+//! files; samples, links, images and pictures have their own writers.
 
 use serde_json::{Value, json};
-use tomoswarm_proto::PoseReport;
 
-use super::ground::{StoredImage, StoredSample};
+use super::ground::StoredImage;
 use crate::config::Venue;
 use crate::geom::{Point, TangentPlane};
-
-/// The header of a file of samples.
-pub const SAMPLES_HEADER: &str = "vehicle,boot,run,sequence,heard_at_s,utc,utc_error_s,transmitter,\
-    tx_x_m,tx_y_m,tx_z_m,tx_heading_rad,tx_sd_m,rx_x_m,rx_y_m,rx_z_m,rx_heading_rad,rx_sd_m,\
-    channel,power_dbm,rssi_dbm";
+use crate::ground::MeasuredSample;
 
 /// Points of a track that lie nearer than this to the one before are left out, metres.
 const TRACK_STEP_M: f64 = 0.05;
-
-/// Appends a sample as a line of CSV; what is not known is empty.
-pub fn sample_line(text: &mut String, stored: &StoredSample) {
-    let StoredSample {
-        vehicle,
-        boot,
-        run,
-        sample,
-        utc_s,
-    } = stored;
-    let (utc, error) = utc_s.map_or_else(Default::default, |(utc_s, error_s)| {
-        (utc_text(utc_s), format!("{error_s:.3}"))
-    });
-    let heard_at_s = sample.heard_at_ns as f64 / 1e9;
-    let pose = |pose: &PoseReport| {
-        let PoseReport { at, heading, sd } = pose;
-        let sd_m = sd
-            .metres()
-            .map(|sd_m| format!("{sd_m:.4}"))
-            .unwrap_or_default();
-        let heading_rad = heading.radians();
-        format!(
-            "{:.4},{:.4},{:.4},{heading_rad:.5},{sd_m}",
-            at.x_m(),
-            at.y_m(),
-            at.z_m()
-        )
-    };
-    let (tx, rx) = (pose(&sample.transmitter_pose), pose(&sample.receiver_pose));
-    let rssi = sample
-        .rssi_dbm
-        .map(|rssi_dbm| rssi_dbm.to_string())
-        .unwrap_or_default();
-    // Writing to a String cannot fail.
-    let _ = writeln!(
-        text,
-        "{vehicle},{boot},{run},{},{heard_at_s:.6},{utc},{error},{},{tx},{rx},{},{},{rssi}",
-        sample.sequence, sample.transmitter, sample.channel, sample.power_dbm
-    );
-}
-
-/// Returns a moment in UTC as ISO 8601 with milliseconds ("2026-11-20T09:05:00.250Z"); empty for what is no time.
-pub fn utc_text(utc_s: f64) -> String {
-    let millis = (utc_s * 1e3).round();
-    if !(0.0..253_402_300_800_000.0).contains(&millis) {
-        return String::new();
-    }
-    let millis = millis as u64;
-    let (days, of_day) = (millis / 86_400_000, millis % 86_400_000);
-    let (year, month, day) = civil(days);
-    let (hour, minute) = (of_day / 3_600_000, of_day / 60_000 % 60);
-    let (second, milli) = (of_day / 1000 % 60, of_day % 1000);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
-}
-
-/// Returns the date of a day counted from 1970-01-01 (Hinnant, "chrono-compatible low-level date algorithms").
-fn civil(days: u64) -> (u64, u64, u64) {
-    let shifted = days + 719_468;
-    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    (year + era * 400 + u64::from(month <= 2), month, day)
-}
 
 /// Where a picture's pixels lie on the earth, as a world file says it (degrees, WGS84): `corner` is the local place of the
 /// upper left corner of the picture, rows run against y.
@@ -213,7 +140,7 @@ fn polygon(corners: &[Point]) -> Shape {
 }
 
 /// Adds where the receiver was to its track, unless it has hardly moved.
-pub fn extend_track(track: &mut Vec<Point>, stored: &StoredSample) {
+pub fn extend_track(track: &mut Vec<Point>, stored: &MeasuredSample) {
     let at = Point::from(stored.sample.receiver_pose.at);
     if at.is_finite()
         && track
@@ -228,19 +155,6 @@ pub fn extend_track(track: &mut Vec<Point>, stored: &StoredSample) {
 mod tests {
     use super::*;
     use crate::geom::Bearing;
-
-    #[test]
-    fn moments_are_written_as_iso_8601() {
-        assert_eq!(utc_text(0.0), "1970-01-01T00:00:00.000Z");
-        assert_eq!(utc_text(951_782_399.25), "2000-02-28T23:59:59.250Z");
-        assert_eq!(utc_text(951_782_400.0), "2000-02-29T00:00:00.000Z");
-        assert_eq!(utc_text(4_107_542_399.999_6), "2100-03-01T00:00:00.000Z");
-        assert_eq!(utc_text(1_700_000_000.0), "2023-11-14T22:13:20.000Z");
-        assert_eq!(
-            (utc_text(-1.0), utc_text(f64::NAN)),
-            (String::new(), String::new())
-        );
-    }
 
     #[test]
     fn a_world_file_puts_pixels_where_they_lie() {

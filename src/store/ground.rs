@@ -25,7 +25,7 @@ use super::{StoreError, sample_row};
 use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::tomo::{Image, Peak};
 
-pub use reading::{Provenance, RestoredStore, StoredImage, StoredRun, StoredSample};
+pub use reading::{Provenance, RestoredStore, StoredImage, StoredRun};
 
 /// How long another program may hold the file.
 const BUSY: Duration = Duration::from_secs(3);

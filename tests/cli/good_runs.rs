@@ -238,6 +238,96 @@ fn the_links_of_a_run_give_its_images_again_and_all_are_accounted_for() {
 }
 
 #[test]
+fn the_samples_of_a_run_give_its_image_again() {
+    let runner = ProgramRunner::new();
+    let arguments = ["--samples", "--no-pictures", "--out", "run"];
+    assert_eq!(sim(&runner, &arguments).code, 0);
+    let image = [
+        "image",
+        "run/samples.csv",
+        "--empty",
+        "run/empty-samples.csv",
+    ];
+    let output = runner.run(&[&image[..], &["--npy", "again.npy"]].concat());
+    assert_eq!((output.code, output.err.as_str()), (0, ""));
+    assert!(runner.read("again.npy") == runner.read("run/image.npy"));
+    let samples = String::from_utf8(runner.read("run/samples.csv")).unwrap();
+    let rows = samples.lines().filter(|line| !line.starts_with('#'));
+    assert_eq!(
+        rows.count() as u64,
+        1 + summary(&runner, "run")["samples"].as_u64().unwrap()
+    );
+    // Of an earlier run that had them the next one leaves nothing.
+    assert_eq!(sim(&runner, &["--no-pictures", "--out", "run"]).code, 0);
+    let names = runner.names_in("run");
+    assert!(
+        !names.iter().any(|name| name.ends_with("samples.csv")),
+        "{names:?}"
+    );
+}
+
+#[test]
+fn results_say_which_files_they_were_made_from() {
+    let runner = ProgramRunner::new();
+    assert_eq!(sim(&runner, &["--out", "run"]).code, 0);
+    let names = |json: &Value| -> Vec<String> {
+        let sources = json["made_from"].as_array().unwrap().iter();
+        let checked = sources.map(|source| {
+            let name = source["file"].as_str().unwrap();
+            let size = runner.read(name).len() as u64;
+            assert_eq!(source["bytes"].as_u64(), Some(size), "{source}");
+            let sum = source["sha256"].as_str().unwrap();
+            assert!(sum.len() == 64 && sum.chars().all(|one| one.is_ascii_hexdigit()));
+            name.to_owned()
+        });
+        checked.collect()
+    };
+    let of_run = summary(&runner, "run");
+    let files = [
+        "small.sim.toml",
+        "small.venue.toml",
+        "small.scene.toml",
+        "small.wrl",
+    ];
+    let mut said = names(&of_run);
+    said.sort();
+    let mut expected = files.map(str::to_owned).to_vec();
+    expected.sort();
+    assert_eq!(said, expected);
+
+    let image = |json: &str| {
+        let always = [
+            "image",
+            "run/links.csv",
+            "--empty",
+            "run/empty.csv",
+            "--json",
+            json,
+        ];
+        assert_eq!(runner.run(&always).code, 0);
+        serde_json::from_slice::<Value>(&runner.read(json)).unwrap()
+    };
+    let first = image("first.json");
+    assert_eq!(names(&first), ["run/links.csv", "run/empty.csv"]);
+    assert_eq!(first["version"], env!("CARGO_PKG_VERSION"));
+    // One byte more is another file.
+    let mut links = runner.read("run/links.csv");
+    links.push(b'\n');
+    runner.write("run/links.csv", links);
+    let second = image("second.json");
+    assert_ne!(first["made_from"][0], second["made_from"][0]);
+    assert_eq!(first["made_from"][1], second["made_from"][1]);
+    assert_eq!(first["peaks"], second["peaks"]);
+    let picture = runner.read("run/image.png");
+    let says = format!("Software\0tomoswarm {}", env!("CARGO_PKG_VERSION"));
+    assert!(
+        picture
+            .windows(says.len())
+            .any(|part| part == says.as_bytes())
+    );
+}
+
+#[test]
 fn what_a_links_file_says_wrongly_of_its_image_is_refused_with_its_line() {
     let runner = ProgramRunner::new();
     assert_eq!(sim(&runner, &["--no-pictures", "--out", "run"]).code, 0);

@@ -7,6 +7,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use super::scenario_runner::RunLog;
 use crate::geom::{Lattice, Point};
+use crate::ground::MeasuredSample;
 use crate::map::Merged;
 use crate::run::link::Contact;
 use crate::sim::{Collision, EMPTY_RUN, RUN, RunCounts, RunOutcome, Scenario, ScenarioError};
@@ -29,6 +30,7 @@ pub enum GatherError {
 /// What the store of a ground station holds of a scenario.
 struct Stored {
     samples: u64,
+    measured: Option<Vec<MeasuredSample>>,
     links: Vec<Link>,
     empty_links: Vec<Link>,
     change: Option<Reconstruction>,
@@ -72,6 +74,7 @@ pub fn outcome(
         breaches: Vec::new(),
         min_separation_m: world.min_separation_m,
         samples: stored.samples,
+        measured: stored.measured,
         links: stored.links,
         empty_links: stored.empty_links,
         change: stored.change,
@@ -107,6 +110,7 @@ impl Stored {
         let map = Merged::new(Lattice::new(scenario.sim().venue.cell_m), None);
         Stored {
             samples: 0,
+            measured: scenario.keeps_samples.then(Vec::new),
             links: Vec::new(),
             empty_links: Vec::new(),
             change: None,
@@ -130,6 +134,9 @@ fn read(scenario: &Scenario, store: &Path) -> Result<Stored, StoreError> {
         structure: image("structure"),
         ..Stored::nothing(scenario)
     };
+    if let Some(measured) = &mut stored.measured {
+        store.each_sample(None, |sample| measured.push(sample))?;
+    }
     for tile in store.tiles()? {
         // One that cannot be joined was not joined by the ground station either.
         let _ = stored.map.join(&tile);

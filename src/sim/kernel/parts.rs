@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use super::network::Greetings;
-use super::nodes::{SimulatedOperator, SimulatedVehicle};
-use crate::ground::GroundNode;
+use super::nodes::{SimulatedGround, SimulatedOperator, SimulatedVehicle};
 use crate::ground::from_config::GroundParts;
 use crate::sim::bus::SimulatedBus;
 use crate::sim::environment::Environment;
@@ -34,6 +33,8 @@ pub(in crate::sim) struct Parts {
     pub ends_at_contact: bool,
     /// How often the run shows itself, virtual time.
     pub shown_every: Duration,
+    /// All samples are wanted at the end.
+    pub keeps_samples: bool,
 }
 
 /// A run that is over.
@@ -42,7 +43,7 @@ pub(in crate::sim) struct FinishedRun {
     pub fleet: FleetCount,
     pub monitor: RunMonitor,
     pub environment: Environment,
-    pub ground: GroundNode,
+    pub ground: SimulatedGround,
     pub bus: SimulatedBus,
     /// When it has ended.
     pub ended_at: Time,

@@ -7,11 +7,12 @@ use std::collections::BTreeMap;
 use rusqlite::{OptionalExtension, Row, params};
 use serde::Deserialize;
 use tomoswarm_proto::{
-    Boot, LayerId, RunId, Sample, Samples, TILE_CELLS, TileAddress, TileReport, VehicleId,
+    Boot, LayerId, RunId, Samples, TILE_CELLS, TileAddress, TileReport, VehicleId,
 };
 
 use super::{GroundStore, MEMORY, UtcOffset, schema};
 use crate::geom::{PixelGrid, Point, Rect};
+use crate::ground::MeasuredSample;
 use crate::store::{StoreError, sample_row};
 use crate::tomo::{Finds, Image, Peak};
 
@@ -88,21 +89,6 @@ pub struct StoredImage {
     pub made_utc_s: f64,
 }
 
-/// A sample in the store.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct StoredSample {
-    /// Who measured.
-    pub vehicle: VehicleId,
-    /// Start of its software.
-    pub boot: Boot,
-    /// In which run.
-    pub run: RunId,
-    /// What was measured.
-    pub sample: Sample,
-    /// When, seconds since 1970, and its deviation, as far as known.
-    pub utc_s: Option<(f64, f64)>,
-}
-
 /// A peak as it is stored.
 #[derive(Deserialize)]
 struct PeakRow {
@@ -132,7 +118,7 @@ impl GroundStore {
         };
         let mut samples: Vec<Samples> = Vec::new();
         self.each_sample(None, |stored| {
-            let StoredSample {
+            let MeasuredSample {
                 vehicle,
                 boot,
                 run,
@@ -207,7 +193,7 @@ impl GroundStore {
     pub fn each_sample(
         &self,
         run: Option<RunId>,
-        mut hand_over: impl FnMut(StoredSample),
+        mut hand_over: impl FnMut(MeasuredSample),
     ) -> Result<(), StoreError> {
         self.read(|store| {
             let mut statement = store.connection.prepare(&format!(
@@ -218,7 +204,7 @@ impl GroundStore {
             let rows = statement.query_map([run.map(|run| run.0)], |row| {
                 let utc_s: Option<f64> = row.get(3)?;
                 let error_s: Option<f64> = row.get(4)?;
-                Ok(StoredSample {
+                Ok(MeasuredSample {
                     vehicle: VehicleId(row.get(0)?),
                     boot: Boot(row.get(1)?),
                     run: RunId(row.get(2)?),

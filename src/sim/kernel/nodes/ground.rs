@@ -6,7 +6,7 @@ use super::Alarm;
 use crate::actor::Fault;
 use crate::ground::from_config::GroundParts;
 use crate::ground::station::{StationMemory, StationSettings};
-use crate::ground::{self, GroundNode};
+use crate::ground::{self, GroundNode, MeasuredSample};
 use crate::sim::ground_disk::GroundDisk;
 use crate::sim::noise::{Noise, NoisePurpose};
 use crate::sim::operator_script::RUN;
@@ -24,12 +24,12 @@ pub(in crate::sim) struct SimulatedGround {
 }
 
 impl SimulatedGround {
-    /// Starts its software with an empty disk; `restarts` = it will be started anew.
-    pub(crate) fn new(parts: GroundParts, restarts: bool) -> SimulatedGround {
+    /// Starts its software with an empty disk; `is_disk_read` = it will be started anew, or its samples are wanted.
+    pub(crate) fn new(parts: GroundParts, is_disk_read: bool) -> SimulatedGround {
         SimulatedGround {
             node: GroundNode::new(parts.clone()),
             parts,
-            disk: GroundDisk::new(restarts),
+            disk: GroundDisk::new(is_disk_read),
             alarm: Alarm::default(),
             has_restarted: false,
         }
@@ -45,9 +45,9 @@ impl SimulatedGround {
         &mut self.node
     }
 
-    /// Takes its node out, as it is at the end.
-    pub(crate) fn into_node(self) -> GroundNode {
-        self.node
+    /// Returns the samples on its disk, each once, in order.
+    pub(crate) fn samples(&self) -> Vec<MeasuredSample> {
+        self.disk.samples()
     }
 
     pub(super) fn alarm_mut(&mut self) -> &mut Alarm {

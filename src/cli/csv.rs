@@ -1,0 +1,160 @@
+//! Lines of CSV below a header: which column holds what, and numbers within limits.
+//!
+//! Every mistake names the line, what was found and what was expected.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::str::FromStr;
+
+use super::recording::{FARTHEST_M, RecordingError, quoted, wrong};
+use crate::geom::Point;
+
+/// The names of the columns.
+pub(super) struct CsvHeader<'a> {
+    number: usize,
+    columns: BTreeMap<&'a str, usize>,
+    /// What such a header looks like.
+    expected: String,
+}
+
+impl<'a> CsvHeader<'a> {
+    /// Reads the header in a line; the `known` columns are all that may be there, each once.
+    ///
+    /// # Errors
+    /// Another column, or one twice.
+    pub(super) fn read(
+        number: usize,
+        line: &'a str,
+        known: &str,
+        expected: String,
+    ) -> Result<CsvHeader<'a>, RecordingError> {
+        let mut columns = BTreeMap::new();
+        for (column, name) in line.split(',').map(str::trim).enumerate() {
+            let problem = if !names(known).any(|one| one == name) {
+                format!("the column {}", quoted(name))
+            } else if columns.insert(name, column).is_some() {
+                format!("the column {} twice", quoted(name))
+            } else {
+                continue;
+            };
+            return Err(wrong(format!("{number}: "), problem, expected));
+        }
+        Ok(CsvHeader {
+            number,
+            columns,
+            expected,
+        })
+    }
+
+    /// Returns where a column is, if it is there.
+    pub(super) fn column(&self, name: &str) -> Option<usize> {
+        self.columns.get(name).copied()
+    }
+
+    /// Returns where a column is that must be there.
+    ///
+    /// # Errors
+    /// It is not.
+    pub(super) fn needed(&self, name: &str) -> Result<usize, RecordingError> {
+        self.column(name).ok_or_else(|| {
+            let found = format!("no column \"{name}\"");
+            wrong(format!("{}: ", self.number), found, self.expected.clone())
+        })
+    }
+
+    /// Parts a line below.
+    ///
+    /// # Errors
+    /// It has more fields than the header, or fewer.
+    pub(super) fn fields<'l>(
+        &self,
+        number: usize,
+        line: &'l str,
+    ) -> Result<CsvFields<'l>, RecordingError> {
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        if fields.len() != self.columns.len() {
+            let expected = format!("{} as the header has", self.columns.len());
+            let found = format!("{} fields", fields.len());
+            return Err(wrong(format!("{number}: "), found, expected));
+        }
+        Ok(CsvFields { number, fields })
+    }
+}
+
+/// Returns the names in a header.
+pub(super) fn names(header: &str) -> impl Iterator<Item = &str> {
+    header.split(',').map(str::trim)
+}
+
+/// A line below a header.
+pub(super) struct CsvFields<'l> {
+    number: usize,
+    fields: Vec<&'l str>,
+}
+
+impl CsvFields<'_> {
+    /// Returns whether nothing stands in a column.
+    pub(super) fn is_empty(&self, column: usize) -> bool {
+        self.fields[column].is_empty()
+    }
+
+    /// Returns a number within limits.
+    ///
+    /// # Errors
+    /// It is none.
+    pub(super) fn ranged(
+        &self,
+        column: usize,
+        (low, high): (f64, f64),
+        what: &str,
+    ) -> Result<f64, RecordingError> {
+        self.parsed(
+            column,
+            |value| (low..=high).contains(value),
+            || format!("{what} from {low} to {high}"),
+        )
+    }
+
+    /// Returns a whole number of something, of at least a least one.
+    ///
+    /// # Errors
+    /// It is none.
+    pub(super) fn whole<N: FromStr + PartialOrd + Display>(
+        &self,
+        column: usize,
+        least: N,
+        what: &str,
+    ) -> Result<N, RecordingError> {
+        self.parsed(
+            column,
+            |value| *value >= least,
+            || format!("a whole number of {what}, at least {least}"),
+        )
+    }
+
+    /// Returns a place, of two columns.
+    ///
+    /// # Errors
+    /// One is no coordinate.
+    pub(super) fn place(&self, [x, y]: [usize; 2]) -> Result<Point, RecordingError> {
+        let limits = (-FARTHEST_M, FARTHEST_M);
+        let coordinate = |column| self.ranged(column, limits, "a coordinate");
+        Ok(Point::new(coordinate(x)?, coordinate(y)?))
+    }
+
+    /// Returns a mistake in this line.
+    pub(super) fn mistake(&self, found: String, expected: String) -> RecordingError {
+        wrong(format!("{}: ", self.number), found, expected)
+    }
+
+    fn parsed<N: FromStr>(
+        &self,
+        column: usize,
+        fits: impl Fn(&N) -> bool,
+        expected: impl Fn() -> String,
+    ) -> Result<N, RecordingError> {
+        let field = self.fields[column];
+        let value = field.parse::<N>().ok().filter(fits);
+        value.ok_or_else(|| self.mistake(quoted(field), expected()))
+    }
+}

@@ -1,0 +1,296 @@
+//! Samples as CSV, one beacon heard or missed a line: what `tomoswarm sim --samples` and `tomoswarm export` write, and what
+//! `tomoswarm image` reads.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use tomoswarm_proto::{PoseReport, RunId};
+
+use super::csv::CsvHeader;
+use super::recording::{RecordingError, STRENGTH_DBM, comments, wrong};
+use crate::config::LinksFile;
+use crate::ground::MeasuredSample;
+use crate::tomo::Link;
+
+/// The header of a file of samples.
+pub(super) const SAMPLES_HEADER: &str = "vehicle,boot,run,sequence,heard_at_s,utc,utc_error_s,transmitter,\
+    tx_x_m,tx_y_m,tx_z_m,tx_heading_rad,tx_sd_m,rx_x_m,rx_y_m,rx_z_m,rx_heading_rad,rx_sd_m,\
+    channel,power_dbm,rssi_dbm";
+/// The columns that one must have to be read.
+pub(super) const NEEDED: &str = "run,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm";
+
+/// Returns a file of samples: how they are to be imaged as comments, then a line for each.
+pub(super) fn samples_csv<'a>(
+    samples: impl Iterator<Item = &'a MeasuredSample>,
+    imaging: &LinksFile,
+) -> String {
+    let mut text = comments(Some(imaging));
+    text += SAMPLES_HEADER;
+    text.push('\n');
+    samples.for_each(|sample| sample_line(&mut text, sample));
+    text
+}
+
+/// Appends a sample as a line; what is not known is empty.
+pub(super) fn sample_line(text: &mut String, measured: &MeasuredSample) {
+    let MeasuredSample {
+        vehicle,
+        boot,
+        run,
+        sample,
+        utc_s,
+    } = measured;
+    let (utc, error) = utc_s.map_or_else(Default::default, |(utc_s, error_s)| {
+        (utc_text(utc_s), format!("{error_s:.3}"))
+    });
+    let heard_at_s = sample.heard_at_ns as f64 / 1e9;
+    let (tx, rx) = (
+        pose_fields(&sample.transmitter_pose),
+        pose_fields(&sample.receiver_pose),
+    );
+    let rssi = sample
+        .rssi_dbm
+        .map(|rssi_dbm| rssi_dbm.to_string())
+        .unwrap_or_default();
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "{vehicle},{boot},{run},{},{heard_at_s:.6},{utc},{error},{},{tx},{rx},{},{},{rssi}",
+        sample.sequence, sample.transmitter, sample.channel, sample.power_dbm
+    );
+}
+
+fn pose_fields(pose: &PoseReport) -> String {
+    let PoseReport { at, heading, sd } = pose;
+    let known = |value: f64, digits: usize| match value.is_finite() {
+        true => format!("{value:.digits$}"),
+        false => String::new(),
+    };
+    let place = [at.x_m(), at.y_m(), at.z_m()].map(|metres| known(metres, 4));
+    let sd_m = known(sd.metres().unwrap_or(f64::NAN), 4);
+    format!("{},{},{sd_m}", place.join(","), known(heading.radians(), 5))
+}
+
+/// Reads lines of samples below their header as links of one packet, or of one miss. A sample that comes again and one whose
+/// ends are not both known are passed over.
+///
+/// # Errors
+/// The first line that is not as expected, or lines of several runs.
+pub(super) fn read_samples<'a>(
+    header: &CsvHeader<'_>,
+    lines: impl Iterator<Item = (usize, &'a str)>,
+) -> Result<Vec<Link>, RecordingError> {
+    let ends = [
+        [header.needed("tx_x_m")?, header.needed("tx_y_m")?],
+        [header.needed("rx_x_m")?, header.needed("rx_y_m")?],
+    ];
+    let (run, rssi) = (header.needed("run")?, header.needed("rssi_dbm")?);
+    let key = match (
+        header.column("vehicle"),
+        header.column("boot"),
+        header.column("sequence"),
+    ) {
+        (Some(vehicle), Some(boot), Some(sequence)) => Some((vehicle, boot, sequence)),
+        _ => None,
+    };
+    let (mut links, mut read, mut of_file) = (Vec::new(), BTreeSet::new(), None);
+    for (number, line) in lines {
+        let fields = header.fields(number, line)?;
+        let of_line = RunId(fields.whole(run, 0, "a run")?);
+        let expected = *of_file.get_or_insert(of_line);
+        if of_line != expected {
+            let expected = format!("run {expected} as above: one run a file");
+            return Err(fields.mistake(format!("run {of_line}"), expected));
+        }
+        if let Some((vehicle, boot, sequence)) = key {
+            let key: (u8, u32, u64) = (
+                fields.whole(vehicle, 1, "a vehicle")?,
+                fields.whole(boot, 0, "a start")?,
+                fields.whole(sequence, 0, "samples")?,
+            );
+            if !read.insert(key) {
+                continue;
+            }
+        }
+        if ends.as_flattened().iter().any(|end| fields.is_empty(*end)) {
+            continue;
+        }
+        let (from, to) = (fields.place(ends[0])?, fields.place(ends[1])?);
+        links.push(if fields.is_empty(rssi) {
+            Link {
+                misses: 1,
+                ..Link::fixed(from, to, 0, f64::NAN)
+            }
+        } else {
+            Link::fixed(from, to, 1, fields.ranged(rssi, STRENGTH_DBM, "dBm")?)
+        });
+    }
+    if links.is_empty() {
+        let expected = "at least one sample with both places";
+        return Err(wrong("2: ".into(), "the end of the file", expected));
+    }
+    Ok(links)
+}
+
+/// Returns a moment in UTC as ISO 8601 with milliseconds ("2026-11-20T09:05:00.250Z"); empty for what is no time.
+pub(super) fn utc_text(utc_s: f64) -> String {
+    let millis = (utc_s * 1e3).round();
+    if !(0.0..253_402_300_800_000.0).contains(&millis) {
+        return String::new();
+    }
+    let millis = millis as u64;
+    let (days, of_day) = (millis / 86_400_000, millis % 86_400_000);
+    let (year, month, day) = civil(days);
+    let (hour, minute) = (of_day / 3_600_000, of_day / 60_000 % 60);
+    let (second, milli) = (of_day / 1000 % 60, of_day % 1000);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
+}
+
+/// Returns the date of a day counted from 1970-01-01 (Hinnant, "chrono-compatible low-level date algorithms").
+fn civil(days: u64) -> (u64, u64, u64) {
+    let shifted = days + 719_468;
+    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    (year + era * 400 + u64::from(month <= 2), month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::{Boot, Deviation, Heading, Position, Sample, VehicleId};
+
+    use super::*;
+    use crate::cli::recording::read_recording;
+
+    #[test]
+    fn moments_are_written_as_iso_8601() {
+        assert_eq!(utc_text(0.0), "1970-01-01T00:00:00.000Z");
+        assert_eq!(utc_text(951_782_399.25), "2000-02-28T23:59:59.250Z");
+        assert_eq!(utc_text(951_782_400.0), "2000-02-29T00:00:00.000Z");
+        assert_eq!(utc_text(4_107_542_399.999_6), "2100-03-01T00:00:00.000Z");
+        assert_eq!(utc_text(1_700_000_000.0), "2023-11-14T22:13:20.000Z");
+        assert_eq!(
+            (utc_text(-1.0), utc_text(f64::NAN)),
+            (String::new(), String::new())
+        );
+    }
+
+    fn sample(sequence: u64, x_m: f64, rssi_dbm: Option<i16>) -> MeasuredSample {
+        let pose = |x_m: f64| PoseReport {
+            at: Position::from_metres(x_m, 0.25, 0.0),
+            heading: Heading::from_radians(1.5),
+            sd: Deviation::from_metres(0.02),
+        };
+        MeasuredSample {
+            vehicle: VehicleId(2),
+            boot: Boot(7),
+            run: RunId(3),
+            sample: Sample {
+                sequence,
+                heard_at_ns: 1_500_000_000,
+                transmitter: VehicleId(1),
+                transmitter_pose: pose(x_m),
+                receiver_pose: pose(12.0),
+                channel: 11,
+                power_dbm: 0,
+                rssi_dbm,
+            },
+            utc_s: None,
+        }
+    }
+
+    fn file(samples: &[MeasuredSample]) -> String {
+        let mut text = format!("{SAMPLES_HEADER}\n");
+        samples.iter().for_each(|one| sample_line(&mut text, one));
+        text
+    }
+
+    #[test]
+    fn what_is_written_is_read_each_sample_once_and_misses_as_misses() {
+        let text = file(&[
+            sample(0, 1.234, Some(-60)),
+            sample(1, 2.0, None),
+            sample(0, 1.234, Some(-60)),
+            sample(2, f64::NAN, Some(-70)),
+        ]);
+        assert!(!text.contains("NaN"), "{text}");
+        let Ok(recording) = read_recording(text.as_bytes()) else {
+            panic!("{text}");
+        };
+        let links: Vec<_> = recording
+            .links
+            .iter()
+            .map(|link| (link.from.x_m, link.packets, link.misses, link.mean_dbm))
+            .collect();
+        assert_eq!(links[0], (1.234, 1, 0, -60.0));
+        assert_eq!((links[1].0, links[1].1, links[1].2), (2.0, 0, 1));
+        assert_eq!((links.len(), recording.pooled_in_m), (2, None));
+    }
+
+    fn problem(text: &str) -> String {
+        match read_recording(text.as_bytes()) {
+            Ok(recording) => panic!("read: {recording:?}"),
+            Err(problem) => problem.to_string(),
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_line() {
+        let good = file(&[sample(0, 1.0, Some(-60))]);
+        let row = good.lines().nth(1).unwrap();
+        for (row, expected) in [
+            (
+                row.replace("1.0000,0.2500", "NaN,0.2500"),
+                "3: found \"NaN\", expected a coordinate from",
+            ),
+            (
+                row.replace(",-60", ",NaN"),
+                "3: found \"NaN\", expected dBm from",
+            ),
+            (
+                row.replace(",-60", ",-600"),
+                "3: found \"-600\", expected dBm from",
+            ),
+            (
+                row.replace("2,7,3,0,", "2,7,4,0,"),
+                "3: found run 4, expected run 3 as above: one run a file",
+            ),
+            (
+                row.replace("2,7,3,0,", "2,7,3,-1,"),
+                "3: found \"-1\", expected a whole number of samples",
+            ),
+            (
+                row.replace("2,7,3,0,", "2,7,3,"),
+                "3: found 20 fields, expected 21 as the header has",
+            ),
+        ] {
+            let said = problem(&format!("{good}{row}\n"));
+            assert!(said.starts_with(expected), "{row}: {said}");
+        }
+        for (text, expected) in [
+            (SAMPLES_HEADER.to_owned(), "2: found the end of the file"),
+            (
+                good.replace("tx_x_m", "tx_x"),
+                "1: found the column \"tx_x\"",
+            ),
+            (
+                good.replace("rssi_dbm", "packets"),
+                "1: found the column \"packets\"",
+            ),
+            (
+                good.replace("heard_at_s", "run"),
+                "1: found the column \"run\" twice",
+            ),
+            (
+                "sequence,tx_x_m\n1,2\n".to_owned(),
+                "1: found no column \"tx_y_m\"",
+            ),
+        ] {
+            let said = problem(&text);
+            assert!(said.starts_with(expected), "{text}: {said}");
+        }
+    }
+}
