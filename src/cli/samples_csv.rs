@@ -102,28 +102,32 @@ pub(super) fn read_samples<'a>(
             let expected = format!("run {expected} as above: one run a file");
             return Err(fields.mistake(format!("run {of_line}"), expected));
         }
-        if let Some((vehicle, boot, sequence)) = key {
-            let key: (u8, u32, u64) = (
-                fields.whole(vehicle, 1, "a vehicle")?,
-                fields.whole(boot, 0, "a start")?,
-                fields.whole(sequence, 0, "samples")?,
-            );
-            if !read.insert(key) {
-                continue;
+        let is_repeated = match key {
+            Some((vehicle, boot, sequence)) => {
+                let key: (u8, u32, u64) = (
+                    fields.whole(vehicle, 1, "a vehicle")?,
+                    fields.whole(boot, 0, "a start")?,
+                    fields.whole(sequence, 0, "samples")?,
+                );
+                !read.insert(key)
             }
-        }
+            None => false,
+        };
         if ends.as_flattened().iter().any(|end| fields.is_empty(*end)) {
             continue;
         }
         let (from, to) = (fields.place(ends[0])?, fields.place(ends[1])?);
-        links.push(if fields.is_empty(rssi) {
+        let link = if fields.is_empty(rssi) {
             Link {
                 misses: 1,
                 ..Link::fixed(from, to, 0, f64::NAN)
             }
         } else {
             Link::fixed(from, to, 1, fields.ranged(rssi, STRENGTH_DBM, "dBm")?)
-        });
+        };
+        if !is_repeated {
+            links.push(link);
+        }
     }
     if links.is_empty() {
         let expected = "at least one sample with both places";
