@@ -24,6 +24,7 @@ mod prior;
 mod settings;
 mod shares;
 mod solvers;
+mod streaming;
 mod student;
 #[cfg(test)]
 mod tests_support;
@@ -49,6 +50,7 @@ pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
 pub use shares::{LinkShare, PixelShares};
 pub use solvers::{Candidate, Candidates, Choice, Score, Sparse, Variation};
+pub use streaming::{MOST_IN_PIXELS, StreamedLink, StreamingMap};
 pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
 pub use tsvd::tsvd;

@@ -50,6 +50,15 @@ pub(super) struct PersonLink {
     reach_m: f64,
 }
 
+impl PersonLink {
+    /// Returns whether a person within a distance of a place may cost the link anything.
+    pub(super) fn is_within_reach(&self, at: Point, margin_m: f64) -> bool {
+        let off = at - self.from;
+        let away_m = (off.y_m * self.along.x_m - off.x_m * self.along.y_m).abs();
+        away_m <= self.reach_m + margin_m
+    }
+}
+
 impl PersonModel {
     /// Returns the link between two places as persons meet it. Its ends were driven along the sides of a ring; where in its bin
     /// an end was has this deviation τ, metres, 0 for fixed ends.

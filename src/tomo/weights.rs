@@ -132,6 +132,24 @@ impl WeightRows {
         rows
     }
 
+    /// Appends a row of other weights of the same pixels.
+    pub fn append(&mut self, other: &WeightRows, row: usize) {
+        for run in other.runs_of(row) {
+            let first_value = self.values.len() as u32;
+            self.values.extend_from_slice(other.values_of(*run));
+            self.runs.push(Run {
+                first_value,
+                ..*run
+            });
+        }
+        self.row_starts.push(self.runs.len() as u32);
+    }
+
+    /// Returns how many weights there are.
+    pub fn values(&self) -> usize {
+        self.values.len()
+    }
+
     /// Multiplies every pixel's weights by its factor; pixels without a factor stay as they are.
     pub fn scale_pixels(&mut self, factors: &[f64]) {
         for run in &self.runs {

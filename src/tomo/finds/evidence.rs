@@ -10,7 +10,7 @@
 //! variances that are wrong all together; it is found with the persons known.
 
 use crate::geom::{Point, Rect};
-use crate::tomo::cholesky::{Cholesky, dot};
+use crate::tomo::cholesky::Cholesky;
 use crate::tomo::person::PersonLink;
 use crate::tomo::student::{self, DEGREES};
 use crate::tomo::{FindSettings, Observation};
@@ -52,6 +52,40 @@ pub(super) struct Evidence<'a> {
 
 /// How the expectation of every link changes with all unknowns, three a target: x, y, strength.
 pub(super) struct Derivatives(pub Vec<Vec<f64>>);
+
+/// A link near a target, with the derivatives of its expectation by x, y and strength of that.
+#[derive(Clone, Copy)]
+struct Touched {
+    link: usize,
+    slopes: [f64; 3],
+}
+
+impl Touched {
+    fn scaled(&self, factor: f64) -> Touched {
+        Touched {
+            slopes: self.slopes.map(|slope| slope * factor),
+            ..*self
+        }
+    }
+}
+
+/// Returns the sums of products of derivatives over the links that are near both targets.
+fn products(one: &[Touched], other: &[Touched]) -> [[f64; 3]; 3] {
+    let mut sums = [[0.0; 3]; 3];
+    let mut rest = other.iter().peekable();
+    for a in one {
+        while rest.next_if(|b| b.link < a.link).is_some() {}
+        let Some(b) = rest.next_if(|b| b.link == a.link) else {
+            continue;
+        };
+        for (line, slope) in sums.iter_mut().zip(a.slopes) {
+            for (sum, with) in line.iter_mut().zip(b.slopes) {
+                *sum += slope * with;
+            }
+        }
+    }
+    sums
+}
 
 impl<'a> Evidence<'a> {
     pub(super) fn new(
@@ -202,29 +236,37 @@ impl<'a> Evidence<'a> {
 
     /// Returns minus the gradient of the loss, and its curvature (Gauss–Newton with the weights of the noise).
     fn normal_equations(&self, targets: &[Target]) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let Derivatives(rows) = self.derivatives(targets);
-        let residual_db = self.residual_db(targets);
-        let weights: Vec<f64> = residual_db
-            .iter()
-            .zip(&self.sd_db)
-            .map(|(rest_db, sd_db)| {
-                let z = rest_db / sd_db;
-                student::trust(z * z, DEGREES) / (sd_db * sd_db)
-            })
-            .collect();
-        let weighted = |row: &Vec<f64>| -> Vec<f64> {
-            row.iter()
-                .zip(&weights)
-                .map(|(of_link, weight)| of_link * weight)
-                .collect()
-        };
-        let mut gradient = Vec::with_capacity(rows.len());
-        let mut curvature = Vec::with_capacity(rows.len());
-        for (i, row) in rows.iter().enumerate() {
-            let row = weighted(row);
-            gradient.push(dot(&row, &residual_db));
-            let line = rows[..=i].iter().map(|other| dot(&row, other));
-            curvature.push(line.collect::<Vec<f64>>());
+        let touched: Vec<Vec<Touched>> = targets.iter().map(|one| self.touched(one)).collect();
+        let mut residual_db = self.attenuation_db.clone();
+        for (target, touched) in targets.iter().zip(&touched) {
+            for one in touched {
+                residual_db[one.link] -= target.strength * one.slopes[2];
+            }
+        }
+        let mut gradient = Vec::with_capacity(3 * targets.len());
+        let mut curvature: Vec<Vec<f64>> = Vec::with_capacity(3 * targets.len());
+        for (k, own) in touched.iter().enumerate() {
+            let weighted: Vec<Touched> = own
+                .iter()
+                .map(|one| one.scaled(self.weight(one.link, residual_db[one.link])))
+                .collect();
+            let mut slopes = [0.0; 3];
+            for one in &weighted {
+                for (sum, slope) in slopes.iter_mut().zip(one.slopes) {
+                    *sum += slope * residual_db[one.link];
+                }
+            }
+            gradient.extend(slopes);
+            let mut lines = [const { Vec::new() }; 3];
+            for other in &touched[..=k] {
+                for (line, entries) in lines.iter_mut().zip(products(&weighted, other)) {
+                    line.extend(entries);
+                }
+            }
+            for (i, line) in lines.iter_mut().enumerate() {
+                line.truncate(3 * k + i + 1);
+            }
+            curvature.extend(lines);
         }
         let settings = self.settings;
         for (k, target) in targets.iter().enumerate() {
@@ -235,6 +277,39 @@ impl<'a> Evidence<'a> {
             curvature[i][i] += self.prior_curvature(target.strength);
         }
         (gradient, curvature)
+    }
+
+    /// Returns how much a link counts, with what is left of it.
+    fn weight(&self, link: usize, rest_db: f64) -> f64 {
+        let sd_db = self.sd_db[link];
+        let z = rest_db / sd_db;
+        student::trust(z * z, DEGREES) / (sd_db * sd_db)
+    }
+
+    /// Returns the links that a target touches, or would beside its place, with the derivatives of [`Self::derivatives`].
+    fn touched(&self, target: &Target) -> Vec<Touched> {
+        let person = &self.settings.person;
+        let half_m = HALF_STEP * person.radius_m;
+        let slope = target.strength / (2.0 * half_m);
+        let at = |x_m: f64, y_m: f64| Point::new(target.at.x_m + x_m, target.at.y_m + y_m);
+        let beside = [
+            [at(half_m, 0.0), at(-half_m, 0.0)],
+            [at(0.0, half_m), at(0.0, -half_m)],
+        ];
+        let links = self.links.iter().enumerate();
+        links
+            .filter(|(_, link)| link.is_within_reach(target.at, 2.0 * half_m))
+            .map(|(index, link)| {
+                let of = |[more, less]: [Point; 2]| {
+                    slope * (person.chord_m(link, more) - person.chord_m(link, less))
+                };
+                let [x, y] = beside.map(of);
+                Touched {
+                    link: index,
+                    slopes: [x, y, person.chord_m(link, target.at)],
+                }
+            })
+            .collect()
     }
 
     fn stepped(&self, targets: &[Target], step: &[f64]) -> Vec<Target> {
