@@ -1,6 +1,6 @@
 //! How an image grew: one of the first packets, of more, of all, as an animated picture.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::error::CliError;
 use super::image::{ImageError, pooled};
@@ -86,7 +86,7 @@ fn image(
     recording: Recording,
     empty: Option<&[Link]>,
     settings: &ImagingSettings,
-    path: &PathBuf,
+    path: &Path,
 ) -> Result<Option<(Reconstruction, LengthUnit)>, CliError> {
     let unit = recording.unit;
     let links = pooled(recording, settings.pairing_m);
@@ -99,7 +99,7 @@ fn image(
         Ok(made) => Ok(Some((made, unit))),
         Err(TomoError::NoLinks { .. }) => Ok(None),
         Err(problem) => Err(ImageError::NoImage {
-            path: path.clone(),
+            path: path.to_owned(),
             problem,
         }
         .into()),

@@ -90,6 +90,8 @@ fn samples_of(path: &Path, run: u32) -> Result<String, CliError> {
 
 #[cfg(test)]
 mod tests {
+    use std::slice;
+
     use super::*;
 
     #[test]
@@ -103,12 +105,15 @@ mod tests {
         std::fs::write(one.join(EMPTY), "").unwrap();
         assert_eq!(sweep_of(&one).unwrap(), one.join(SWEEP));
         for imaged in [one.clone(), one.join(SWEEP)] {
-            assert_eq!(empty_of(&one, &[imaged.clone()]).unwrap(), one.join(EMPTY));
+            assert_eq!(
+                empty_of(&one, slice::from_ref(&imaged)).unwrap(),
+                one.join(EMPTY)
+            );
             assert_eq!(empty_of(&two, &[imaged]).unwrap(), two.join(SWEEP));
         }
         let file = one.join("any.csv");
         assert_eq!(empty_of(&file, &[one]).unwrap(), file);
-        let error = empty_of(&two, &[two.clone()]).unwrap_err();
+        let error = empty_of(&two, slice::from_ref(&two)).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("without empty.csv"), "{error}");
     }

@@ -242,18 +242,18 @@ fn voxels_of(link: &VolumeLink, grid: &VoxelGrid) -> Vec<(usize, f64)> {
     let length_m = step.iter().map(|side| side * side).sum::<f64>().sqrt();
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     let mut shares = Vec::new();
-    for axis in 0..3 {
+    for (axis, step) in step.into_iter().enumerate() {
         let (from, low, high) = (link.from_m[axis], grid.low_m[axis], grid.high_m[axis]);
-        if step[axis] == 0.0 {
+        if step == 0.0 {
             if from < low || from > high {
                 return Vec::new();
             }
             continue;
         }
-        let (a, b) = ((low - from) / step[axis], (high - from) / step[axis]);
+        let (a, b) = ((low - from) / step, (high - from) / step);
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
-        let wall = |index: usize| (low + index as f64 * grid.side_m(axis) - from) / step[axis];
+        let wall = |index: usize| (low + index as f64 * grid.side_m(axis) - from) / step;
         shares.extend((0..=grid.counts[axis]).map(wall));
     }
     if !(length_m.is_finite() && length_m > 0.0 && enter < leave) {

@@ -41,16 +41,23 @@ impl Scenario {
     pub(super) fn walking(&self) -> Option<WalkingScene> {
         let file = &self.sim.scene;
         // Those of the file come first; who is drawn from the seed stands still.
-        let walks = file.persons.iter().map(Walk::of).chain(std::iter::repeat(None));
+        let walks = file
+            .persons
+            .iter()
+            .map(Walk::of)
+            .chain(std::iter::repeat(None));
         let persons: Vec<_> = self.persons.iter().cloned().zip(walks).collect();
         let radio = &self.sim.radio;
-        persons.iter().any(|(_, walk)| walk.is_some()).then(|| WalkingScene {
-            file: file.clone(),
-            shapes: self.shapes.clone(),
-            persons,
-            antenna_height_m: self.sim.vehicles.body.antenna_height_m,
-            wavelength_m: radio.wavelength_m(),
-            object_limit_db: radio.object_limit_db,
-        })
+        persons
+            .iter()
+            .any(|(_, walk)| walk.is_some())
+            .then(|| WalkingScene {
+                file: file.clone(),
+                shapes: self.shapes.clone(),
+                persons,
+                antenna_height_m: self.sim.vehicles.body.antenna_height_m,
+                wavelength_m: radio.wavelength_m(),
+                object_limit_db: radio.object_limit_db,
+            })
     }
 }
