@@ -19,6 +19,8 @@ mod csv;
 #[cfg(feature = "dash")]
 pub mod dash;
 mod describe;
+mod earth;
+mod earth_files;
 #[cfg(feature = "net")]
 pub mod enroll;
 #[cfg(feature = "net")]
@@ -38,6 +40,8 @@ mod frame;
 pub mod ground;
 pub mod image;
 mod image_text;
+mod image_values;
+mod link_pictures;
 #[cfg(feature = "net")]
 mod live;
 mod load;
@@ -62,7 +66,9 @@ pub mod plan;
 #[cfg(feature = "net")]
 pub mod preflight;
 pub mod preflight_text;
+mod progress;
 mod read;
+mod recorded;
 pub mod recording;
 #[cfg(feature = "net")]
 pub mod replay;
@@ -93,6 +99,7 @@ mod tracks;
 mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
+mod volume;
 mod watch;
 mod whole_build;
 #[cfg(feature = "net")]

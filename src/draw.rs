@@ -1,7 +1,8 @@
 //! Pictures as pure values: rasters with axes, colour bar and legend, encoded as PNG.
 //!
 //! Plots are [`HeatMap`] (an image in dB/m) through [`Picture::heat`], [`OccupancyMap`] (free, unknown, occupied cells)
-//! through [`Picture::occupancy`] and [`FloorPlan`] (outlines by material) through [`Picture::floor`]; a view whose
+//! through [`Picture::occupancy`], [`LinkMap`] (lines by their value), [`Scatter`] (points over an axis) and [`FloorPlan`]
+//! (outlines by material) through [`Picture::floor`]; a view whose
 //! pixels are given becomes a picture by [`Picture::photo`]. Plots show metres at one scale along both axes, y up, with
 //! [`Overlay`]s and a legend that names what is used, so that the picture explains itself.
 //!
@@ -18,13 +19,16 @@ mod heat;
 mod label;
 mod layout;
 mod legend;
+mod links;
 mod occupancy;
 mod overlay;
 mod paint;
 mod photo;
 mod raster;
+mod scatter;
 mod stroke;
 mod text;
+mod text_chunk;
 mod ticks;
 mod tracks;
 mod vehicle_colour;
@@ -40,10 +44,13 @@ use crate::geom::Point;
 
 pub use floor::{FloorPlan, FloorShape};
 pub use heat::HeatMap;
+pub use links::LinkMap;
 pub use occupancy::{CellState, OccupancyMap};
 pub use overlay::Overlay;
 pub use photo::COLOURS;
 pub use raster::Picture;
+pub use scatter::Scatter;
+pub use text_chunk::described;
 pub use vehicle_colour::{VehicleColour, vehicle_colour};
 
 /// Returns the colours of heat maps, for values from the least to the greatest of the range (sRGB, 0 to 255).

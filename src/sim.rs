@@ -35,6 +35,7 @@ pub mod staging;
 mod unmet;
 pub mod visible;
 mod visible_scene;
+mod walking;
 mod world;
 pub mod xbee_air;
 pub mod xbee_module;

@@ -7,7 +7,6 @@ mod checked_file;
 mod disk_room;
 mod durable;
 mod error;
-pub mod export;
 pub mod ground;
 pub mod memory;
 pub mod outbox;

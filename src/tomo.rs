@@ -12,6 +12,7 @@ mod deviation;
 mod finds;
 mod fresnel;
 mod image;
+mod imaged_links;
 mod imager;
 mod kriging;
 mod link;
@@ -31,6 +32,7 @@ mod tests_support;
 mod tikhonov;
 mod tracking;
 mod tsvd;
+mod volume;
 mod weights;
 
 pub use bins::{BIN_M, LinkBins, SPOT_M};
@@ -39,10 +41,11 @@ pub use calibrate::{
 };
 pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
+pub use imaged_links::{Coverage, DIRECTIONS, ImagedLink, coverage, deviation_of};
 pub use imager::{Extras, Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
 pub use link::Link;
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
-pub use npy::npy_bytes;
+pub use npy::{npy_bytes, npy_of};
 pub use path_loss::{ExponentPrior, PathLoss};
 pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
 pub use person::PersonModel;
@@ -54,4 +57,7 @@ pub use streaming::{MOST_IN_PIXELS, StreamedLink, StreamingMap};
 pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
 pub use tsvd::tsvd;
+pub use volume::{
+    MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeLink, VolumePrior, VoxelGrid, reconstruct_volume,
+};
 pub use weights::{WeightModel, WeightRows};

@@ -18,6 +18,7 @@ mod walk;
 mod image {
     mod command;
     mod finds;
+    mod outputs;
     mod phantoms;
     mod score;
     mod tracking;

@@ -92,7 +92,12 @@ pub(super) struct CsvFields<'l> {
     fields: Vec<&'l str>,
 }
 
-impl CsvFields<'_> {
+impl<'l> CsvFields<'l> {
+    /// Returns what stands in a column.
+    pub(super) fn text(&self, column: usize) -> &'l str {
+        self.fields[column]
+    }
+
     /// Returns whether nothing stands in a column.
     pub(super) fn is_empty(&self, column: usize) -> bool {
         self.fields[column].is_empty()

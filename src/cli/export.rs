@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use serde_json::json;
 use tomoswarm_proto::{RunId, VehicleId};
 
+use super::earth::{Features, MadeImage, extend_track, world_file};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
@@ -17,7 +18,6 @@ use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
 use crate::geom::{Lattice, Point};
 use crate::ground::MeasuredSample;
 use crate::map::Merged;
-use crate::store::export::{Features, extend_track, world_file};
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun};
 use crate::tomo::{Image, LinkBins, npy_bytes};
 
@@ -226,8 +226,11 @@ fn write_images(
         let spec = heat(made);
         folder.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
         folder.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
-        features.peaks(run.0, made);
-        features.finds(run.0, made);
+        features.image(MadeImage {
+            says: &json!({"run": run.0, "kind": made.kind, "laps": made.laps}),
+            peaks: &made.peaks,
+            finds: made.finds.as_ref(),
+        });
     }
     Ok(images.len())
 }
@@ -409,6 +412,7 @@ mod tests {
             deviation: None,
             shares: None,
             choice: None,
+            links: None,
         };
         store
             .keep_picture(&Made {

@@ -2,6 +2,7 @@
 //!
 //! Files in, files out; the work is done by `tomo`, the files are written by `outputs`.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
@@ -9,18 +10,23 @@ use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
 use crate::tomo::{
-    Extras, FindSettings, Imager, ImagingSettings, Link, LinkBins, MOST_PIXELS, SPOT_M, Solver,
-    TomoError, WeightModel,
+    Extras, FindSettings, Imager, ImagingSettings, Link, LinkBins, SPOT_M, Solver, TomoError,
 };
-use clap::{Args, ValueEnum};
+use clap::Args;
 
+use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
 use super::image_text::summary;
+use super::image_values::{SolverName, WeightsName};
+use super::image_values::{parse_area, parse_cell, parse_pixels, parse_place, parse_rate};
 use super::network_recording::{NetworkRecording, Tracks};
-use super::outputs::{Outputs, PendingFile, is_device};
+use super::outputs::{Made, Outputs, PendingFile, is_device};
+use super::progress;
 use super::read;
+use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
 use super::stop::StopFlag;
+use super::volume;
 
 /// Reconstructs an image from recorded links.
 ///
@@ -31,10 +37,11 @@ use super::stop::StopFlag;
 #[derive(Args, Clone, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct ImageCommand {
-    /// Recordings of the sweep
+    /// Recordings of the sweep; a folder of `tomoswarm sim` stands for its links.csv
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// A recording of the same area while nobody was inside; may be given several times
+    /// A recording of the same area while nobody was inside; may be given several times. A folder of `tomoswarm sim` stands for
+    /// the sweep of that earlier run (links.csv), the folder of the run itself for its empty sweep (empty.csv)
     #[arg(long, value_name = "FILE")]
     pub empty: Vec<PathBuf>,
     /// The places of a fixed network, header id,x_m,y_m: the recordings then have a line for each round of a receiver, its id,
@@ -62,6 +69,10 @@ pub struct ImageCommand {
     /// compared with [default: 0.3]
     #[arg(long, value_name = "METRES", value_parser = parse_cell, allow_negative_numbers = true)]
     pub cell: Option<f64>,
+    /// Makes an image in three dimensions, of so many layers between the lowest and the highest end. Needs heights (the columns
+    /// tx_z_m and rx_z_m) and an empty sweep between the same places; --png, --npy and --json then hold all layers
+    #[arg(long, value_name = "N", requires = "empty", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub layers: Option<u16>,
     /// Writes a picture
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
@@ -75,6 +86,25 @@ pub struct ImageCommand {
     /// as values; it takes a second or two longer
     #[arg(long, value_name = "FILE")]
     pub deviation: Option<PathBuf>,
+    /// Draws how much of the links each pixel has seen, and the direction in which the fewest ran there
+    #[arg(long, value_name = "FILE")]
+    pub coverage: Option<PathBuf>,
+    /// Draws the links in the colour of what each has lost, dB
+    #[arg(long, value_name = "FILE")]
+    pub links: Option<PathBuf>,
+    /// Draws what the image leaves unexplained of each link over its length
+    #[arg(long, value_name = "FILE")]
+    pub residuals: Option<PathBuf>,
+    /// Draws how the image grew: an animated PNG of the images from the first 5, 10, 20, ... 100 % of the packets in recorded
+    /// order. Needs one recording of single packets: samples.csv, or JSON
+    #[arg(long, value_name = "FILE", conflicts_with = "nodes")]
+    pub progress: Option<PathBuf>,
+    /// The venue of the recording: says where on the earth it lies. Beside the picture of --png a world file is written then
+    #[arg(long, value_name = "FILE")]
+    pub venue: Option<PathBuf>,
+    /// Writes area, fence, homes, peaks and finds for maps of the earth (WGS84)
+    #[arg(long, value_name = "FILE", requires = "venue")]
+    pub geojson: Option<PathBuf>,
     /// Writes finds, peaks, residual, links used and dropped, and settings
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -99,94 +129,11 @@ Positive values are attenuation, dB per unit of length.
 Examples:
   tomoswarm image links.csv --empty empty.csv --png image.png        what has changed
   tomoswarm image links.csv --pixels 80x80 --area 0,0,20,20 --npy structure.npy
+  tomoswarm image out/courtyard-7 --empty out/courtyard-7 --png again.png   folders of runs; --empty may be another one
   tomoswarm image dump.json --json result.json --peaks 1             the strongest peak, for a script
   tomoswarm image walk.csv --nodes nodes.csv --empty empty.csv --track track.csv
 
 Exit codes: 0 done; 2 bad usage or recordings, or a file that cannot be written.";
-
-/// The solvers by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub enum SolverName {
-    /// Most probable image under a smooth prior, with robust noise
-    Map,
-    /// Least squares with smoothness, the classical reference
-    Tikhonov,
-    /// Least squares by the large singular values, the other reference
-    Tsvd,
-    /// Non-negative total variation: walls
-    Tv,
-    /// Non-negative and sparse: persons
-    Nn,
-    /// The persons found, drawn over what is left
-    Points,
-    /// The one of tv, nn and points that predicts best the links that it was not told
-    Auto,
-}
-
-/// The weight models by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub enum WeightsName {
-    /// Length of the link in the pixel
-    Line,
-    /// Pixels within a narrow ellipse
-    Ellipse,
-    /// One over the area of the ellipse through the pixel
-    InverseArea,
-    /// A bell around the link
-    Gaussian,
-    /// An exponential fall from the link
-    Exponential,
-    /// A bell half as wide as the first Fresnel zone
-    Fresnel,
-}
-
-impl SolverName {
-    /// Sets the solver, and the weights that suit it; a prior of `map` that a recording names stays.
-    fn choose(self, settings: &mut ImagingSettings) {
-        let area = settings.grid.area;
-        let usual = ImagingSettings::for_area(area);
-        (settings.solver, settings.weights) = match self {
-            SolverName::Map if matches!(settings.solver, Solver::Map(..)) => return,
-            SolverName::Map => (usual.solver, usual.weights),
-            SolverName::Tikhonov => (ImagingSettings::tikhonov_for(area), WeightModel::Line),
-            SolverName::Tsvd => (Solver::TSVD, WeightModel::Line),
-            SolverName::Tv | SolverName::Nn | SolverName::Points | SolverName::Auto => {
-                (self.non_negative(area), settings.fresnel())
-            }
-        };
-    }
-
-    fn non_negative(self, area: Rect) -> Solver {
-        let sparse = ImagingSettings::sparse_for(area);
-        let candidates = ImagingSettings::candidates_for(area);
-        match self {
-            SolverName::Tv => Solver::Variation(candidates),
-            SolverName::Nn => Solver::NonNegative(sparse),
-            SolverName::Points => Solver::Points(sparse),
-            SolverName::Map | SolverName::Tikhonov | SolverName::Tsvd | SolverName::Auto => {
-                Solver::Auto(candidates)
-            }
-        }
-    }
-}
-
-impl WeightsName {
-    /// Returns the model with the width that suits 40 pixels on the longer side of an area.
-    fn model(self, settings: &ImagingSettings) -> WeightModel {
-        let area = settings.grid.area;
-        let width_m = 0.015 * area.width_m().max(area.height_m());
-        match self {
-            WeightsName::Fresnel => settings.fresnel(),
-            WeightsName::Line => WeightModel::Line,
-            WeightsName::Ellipse => WeightModel::Ellipse { width_m },
-            WeightsName::InverseArea => WeightModel::InverseArea { width_m },
-            WeightsName::Gaussian => WeightModel::Gaussian { sd_m: width_m },
-            WeightsName::Exponential => WeightModel::Exponential {
-                decay_m: width_m / 3.0,
-            },
-        }
-    }
-}
 
 /// Why there is no image. Each ends the program with exit code 2.
 #[derive(Debug, thiserror::Error)]
@@ -233,18 +180,40 @@ impl ImageCommand {
     /// # Errors
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
-        self.check_files()?;
+        let resolved = self.resolved()?;
+        resolved.check_files()?;
+        match self.layers {
+            Some(layers) => volume::run(&resolved, layers.into(), out),
+            None => resolved.make(out),
+        }
+    }
+
+    /// Returns the command with files in place of folders.
+    fn resolved(&self) -> Result<ImageCommand, CliError> {
+        let sweep = |path: &PathBuf| recorded::sweep_of(path);
+        let empty = |path: &PathBuf| recorded::empty_of(path, &self.files);
+        Ok(ImageCommand {
+            files: self.files.iter().map(sweep).collect::<Result<_, _>>()?,
+            empty: self.empty.iter().map(empty).collect::<Result<_, _>>()?,
+            ..self.clone()
+        })
+    }
+
+    fn make(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
         let mut made_from = Vec::new();
+        let venue = earth_files::venue(self.venue.as_deref(), &mut made_from)?;
         let network = self.network(&mut made_from)?;
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
             None => {
                 let now = read_files(&self.files, None, &mut made_from)?;
                 let empty = read_files(&self.empty, Some(now.unit), &mut made_from)?;
+                self.check_alike(&now, &empty)?;
                 (now, empty)
             }
         };
         let unit = now.unit;
+        self.check_venue(unit, venue.is_some())?;
         if unit == LengthUnit::Metre && self.cell.is_some() {
             let reason = "--cell: the positions of this recording are in metres".to_owned();
             return Err(CliError::Usage(reason));
@@ -255,12 +224,14 @@ impl ImageCommand {
         }
         let count = now.links.len();
         let now = pooled(now, settings.pairing_m);
+        self.check_links(&now)?;
         let empty = pooled(empty, settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let extras = Extras {
             persons: true,
             deviation: self.deviation.as_ref().map(|_| MOST_BLOCKS),
             shares_of: self.pixel_asked_for(&settings)?,
+            links: true,
         };
         let result = Imager::new(settings)
             .and_then(|mut imager| imager.update(&now, empty, extras))
@@ -271,10 +242,24 @@ impl ImageCommand {
         let tracks = network
             .filter(|_| self.track.is_some())
             .map(|network| network.track(settings.grid.area));
+        let progress = match self.progress {
+            Some(_) => Some(progress::animation(&self.files, empty, &settings, &result)?),
+            None => None,
+        };
+        let earth = EarthFiles::of(venue.as_ref(), &result, unit)?;
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = StopFlag::listen();
         let track = tracks.as_ref().map(Tracks::csv);
-        Outputs::open(self)?.write(&result, &settings, (unit, &made_from), track.as_deref())?;
+        let made = Made {
+            result: &result,
+            settings: &settings,
+            unit,
+            made_from: &made_from,
+            track: track.as_deref(),
+            progress: progress.as_deref(),
+            earth: earth.as_ref(),
+        };
+        Outputs::open(self)?.write(&made)?;
         let mut text = summary(&result, (count, now.len()), unit);
         text.extend(tracks.as_ref().map(Tracks::words));
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -310,24 +295,111 @@ impl ImageCommand {
         NetworkRecording::read(nodes, &self.files, &self.empty, made_from).map(Some)
     }
 
-    /// Tries whether all outputs can be written, to files of their own.
-    fn check_files(&self) -> Result<(), CliError> {
-        let outputs: Vec<&PathBuf> = [
+    /// Returns the world file of the picture, when it is known where on the earth that lies.
+    pub(super) fn world_file(&self) -> Option<PathBuf> {
+        let png = self
+            .png
+            .as_ref()
+            .filter(|png| self.venue.is_some() && !is_device(png))?;
+        Some(png.with_extension("pgw"))
+    }
+
+    fn outputs<'a>(&'a self, world: Option<&'a PathBuf>) -> Vec<&'a PathBuf> {
+        [
             &self.png,
             &self.npy,
             &self.json,
             &self.track,
             &self.deviation,
+            &self.coverage,
+            &self.links,
+            &self.residuals,
+            &self.progress,
+            &self.geojson,
         ]
         .into_iter()
         .flatten()
-        .collect();
+        .chain(world)
+        .collect()
+    }
+
+    /// Checks that a venue can say where something is.
+    fn check_venue(&self, unit: LengthUnit, is_given: bool) -> Result<(), CliError> {
+        match (unit, is_given) {
+            (LengthUnit::Cell, true) => Err(CliError::Usage(
+                "--venue: the cells of this recording have no place on the earth".to_owned(),
+            )),
+            (LengthUnit::Cell | LengthUnit::Metre, _) => Ok(()),
+        }
+    }
+
+    /// Checks that an empty sweep was measured where the sweep was, on a channel of it.
+    fn check_alike(&self, now: &Recording, empty: &Recording) -> Result<(), CliError> {
+        let Some(path) = self.empty.first() else {
+            return Ok(());
+        };
+        let refused = |reason: String| CliError::Input {
+            path: path.clone(),
+            reason,
+        };
+        let (of_now, of_empty) = (bounds(now.links.iter()), bounds(empty.links.iter()));
+        let is_apart =
+            |one: Rect, other: Rect| one.max.x_m < other.min.x_m || one.max.y_m < other.min.y_m;
+        if is_apart(of_now, of_empty) || is_apart(of_empty, of_now) {
+            let words = |area: Rect| {
+                let Rect { min, max } = area;
+                format!(
+                    "({:.1}, {:.1}) to ({:.1}, {:.1})",
+                    min.x_m, min.y_m, max.x_m, max.y_m
+                )
+            };
+            return Err(refused(format!(
+                "found links from {}, expected an empty sweep of the same place: the sweep lies from {}",
+                words(of_empty),
+                words(of_now)
+            )));
+        }
+        let (is, was) = (&now.channels, &empty.channels);
+        if !is.is_empty() && !was.is_empty() && is.is_disjoint(was) {
+            let words = |channels: &BTreeSet<u8>| {
+                let numbers: Vec<String> = channels.iter().map(u8::to_string).collect();
+                numbers.join(", ")
+            };
+            return Err(refused(format!(
+                "found channel {}, expected an empty sweep on channel {} as the sweep",
+                words(was),
+                words(is)
+            )));
+        }
+        Ok(())
+    }
+
+    /// Checks that there is something to make an image of.
+    fn check_links(&self, links: &[Link]) -> Result<(), CliError> {
+        if links.len() > 1 {
+            return Ok(());
+        }
+        let reason = format!(
+            "found {} link, expected several: one says how much is lost along it, and not where",
+            links.len()
+        );
+        Err(CliError::Input {
+            path: self.files[0].clone(),
+            reason,
+        })
+    }
+
+    /// Tries whether all outputs can be written, to files of their own.
+    fn check_files(&self) -> Result<(), CliError> {
+        let world = self.world_file();
+        let outputs = self.outputs(world.as_ref());
         for (index, output) in outputs.iter().enumerate() {
             let mut others = self
                 .files
                 .iter()
                 .chain(&self.empty)
                 .chain(&self.nodes)
+                .chain(&self.venue)
                 .chain(outputs[..index].iter().copied());
             if others.any(|other| is_same_file(output, other)) {
                 let reason =
@@ -407,64 +479,6 @@ impl ImageCommand {
     }
 }
 
-fn parse_pixels(text: &str) -> Result<(usize, usize), String> {
-    let expected =
-        || format!("expected WIDTHxHEIGHT such as 40x40, 1 to {MOST_PIXELS} pixels in all");
-    let (columns, rows) = text.split_once(['x', 'X']).ok_or_else(expected)?;
-    let count = |part: &str| {
-        part.trim()
-            .parse::<usize>()
-            .ok()
-            .filter(|count| *count > 0)
-            .ok_or_else(expected)
-    };
-    let (columns, rows) = (count(columns)?, count(rows)?);
-    let pixels = columns
-        .checked_mul(rows)
-        .filter(|pixels| *pixels <= MOST_PIXELS);
-    pixels.map(|_| (columns, rows)).ok_or_else(expected)
-}
-
-fn parse_place(text: &str) -> Result<Point, String> {
-    let numbers = text.split(',').map(|part| part.trim().parse::<f64>());
-    match numbers.collect::<Result<Vec<f64>, _>>().as_deref() {
-        Ok([x, y]) if (x + y).is_finite() => Ok(Point::new(*x, *y)),
-        _ => Err("expected X,Y such as 8.5,12".to_owned()),
-    }
-}
-
-fn parse_cell(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|cell_m| (0.001..=1000.0).contains(cell_m))
-        .ok_or_else(|| "expected metres, a number from 0.001 to 1000".to_owned())
-}
-
-fn parse_rate(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|rate| (1e-6..=1.0).contains(rate))
-        .ok_or_else(|| "expected a number from 0.000001 to 1".to_owned())
-}
-
-fn parse_area(text: &str) -> Result<Rect, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .filter_map(|part| part.trim().parse().ok())
-        .collect();
-    match numbers[..] {
-        [x0, y0, x1, y1]
-            if text.split(',').count() == 4
-                && x0 < x1
-                && y0 < y1
-                && (x1 - x0 + y1 - y0).is_finite() =>
-        {
-            Ok(Rect::new(Point::new(x0, y0), Point::new(x1, y1)))
-        }
-        _ => Err("expected X0,Y0,X1,Y1 such as 0,0,20,20, the south-west corner first".to_owned()),
-    }
-}
-
 /// Reads a recording.
 ///
 /// # Errors
@@ -484,7 +498,7 @@ pub(super) fn read_with<T>(
     made_from: &mut Vec<SourceFile>,
     parse: impl Fn(&str) -> Result<T, RecordingError>,
 ) -> Result<T, CliError> {
-    let text = read::text(path)?;
+    let text = recorded::text(path)?;
     made_from.push(SourceFile::of(&read::shown(path), text.as_bytes()));
     let wrong = |problem| ImageError::Recording {
         path: path.to_owned(),
@@ -514,7 +528,7 @@ fn read_files(
     made_from: &mut Vec<SourceFile>,
 ) -> Result<Recording, CliError> {
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
-    let mut pooled_in_m = None;
+    let (mut pooled_in_m, mut channels) = (None, BTreeSet::new());
     for path in paths {
         let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
         let expected = *unit.get_or_insert(recording.unit);
@@ -528,6 +542,7 @@ fn read_files(
             .into());
         }
         links.extend(recording.links);
+        channels.extend(recording.channels);
         area = area.or(recording.area);
         imaging = imaging.or(recording.imaging);
         pooled_in_m = recording.pooled_in_m.filter(|_| paths.len() == 1);
@@ -538,6 +553,9 @@ fn read_files(
         area,
         imaging,
         pooled_in_m,
+        channels,
+        heights_m: Vec::new(),
+        in_time: Vec::new(),
     })
 }
 
@@ -556,7 +574,7 @@ pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
 }
 
 /// Pools what lies in the same bins, unless it is pooled in such already.
-fn pooled(recording: Recording, bin_m: f64) -> Vec<Link> {
+pub(super) fn pooled(recording: Recording, bin_m: f64) -> Vec<Link> {
     let Recording {
         links, pooled_in_m, ..
     } = recording;

@@ -86,6 +86,9 @@ impl NetworkRecording {
             area: None,
             imaging: None,
             pooled_in_m: None,
+            channels: Default::default(),
+            heights_m: Vec::new(),
+            in_time: Vec::new(),
         }
     }
 

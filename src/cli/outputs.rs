@@ -8,12 +8,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::earth_files::EarthFiles;
 use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
-use super::pictures::marks;
+use super::link_pictures::LinkPictures;
+use super::pictures::{drawn, marks};
 use super::recording::LengthUnit;
 use crate::config::SourceFile;
-use crate::draw::{HeatMap, Picture};
+use crate::draw::{HeatMap, Picture, described};
 use crate::tomo::{
     Choice, Find, Finds, Image, ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction,
     Score, Solver, WeightModel, npy_bytes,
@@ -27,6 +29,30 @@ pub(super) struct Outputs {
     json: Option<PendingFile>,
     track: Option<PendingFile>,
     deviation: Option<PendingFile>,
+    coverage: Option<PendingFile>,
+    links: Option<PendingFile>,
+    residuals: Option<PendingFile>,
+    progress: Option<PendingFile>,
+    world: Option<PendingFile>,
+    geojson: Option<PendingFile>,
+}
+
+/// What is written.
+pub(super) struct Made<'a> {
+    /// The image.
+    pub(super) result: &'a Reconstruction,
+    /// How it was made.
+    pub(super) settings: &'a ImagingSettings,
+    /// The unit of lengths.
+    pub(super) unit: LengthUnit,
+    /// Of which files.
+    pub(super) made_from: &'a [SourceFile],
+    /// Where persons were, as CSV.
+    pub(super) track: Option<&'a str>,
+    /// How the image grew, as a picture.
+    pub(super) progress: Option<&'a [u8]>,
+    /// Where it lies on the earth.
+    pub(super) earth: Option<&'a EarthFiles>,
 }
 
 impl Outputs {
@@ -42,6 +68,12 @@ impl Outputs {
             json: open(&command.json)?,
             track: open(&command.track)?,
             deviation: open(&command.deviation)?,
+            coverage: open(&command.coverage)?,
+            links: open(&command.links)?,
+            residuals: open(&command.residuals)?,
+            progress: open(&command.progress)?,
+            world: open(&command.world_file())?,
+            geojson: open(&command.geojson)?,
         })
     }
 
@@ -49,42 +81,107 @@ impl Outputs {
     ///
     /// # Errors
     /// One cannot be written or drawn; then none has its name.
-    pub(super) fn write(
-        mut self,
-        result: &Reconstruction,
-        settings: &ImagingSettings,
-        (unit, made_from): (LengthUnit, &[SourceFile]),
-        track: Option<&str>,
-    ) -> Result<(), CliError> {
-        let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
-            Some(file) => file.fill(&bytes()),
-            None => Ok(()),
-        };
-        if let Some(file) = &mut self.png {
-            file.fill(&picture(result, unit)?)?;
-        }
-        fill(&mut self.npy, &|| npy_bytes(&result.image))?;
-        fill(&mut self.json, &|| {
+    pub(super) fn write(mut self, made: &Made<'_>) -> Result<(), CliError> {
+        let Made {
+            result,
+            settings,
+            unit,
+            made_from,
+            ..
+        } = *made;
+        let about = about(made_from);
+        let text = |text: Option<&str>| Ok(text.unwrap_or_default().as_bytes().to_vec());
+        fill(&mut self.png, || {
+            Ok(described(picture(result, unit)?, &about))
+        })?;
+        fill(&mut self.npy, || Ok(npy_bytes(&result.image)))?;
+        fill(&mut self.json, || {
             let report = report(result, settings, (unit, made_from));
-            format!("{report:#}\n").into_bytes()
+            Ok(format!("{report:#}\n").into_bytes())
         })?;
-        fill(&mut self.track, &|| {
-            track.unwrap_or_default().as_bytes().to_vec()
+        fill(&mut self.track, || {
+            let of = format!("# {about}\n{}", made.track.unwrap_or_default());
+            Ok(of.into_bytes())
         })?;
-        if let Some(file) = &mut self.deviation {
+        let is_picture = |file: &Option<PendingFile>| {
+            let path = file.as_ref().map(|file| &file.path);
+            path.is_some_and(|path| path.extension().is_some_and(|end| end == "png"))
+        };
+        let is_drawn = is_picture(&self.deviation);
+        fill(&mut self.deviation, || {
             let deviation = deviation_of(result)?;
-            let is_picture = file.path.extension().is_some_and(|end| end == "png");
-            let bytes = match is_picture {
-                true => deviation_picture(&deviation, unit)?,
+            Ok(match is_drawn {
+                true => described(deviation_picture(&deviation, unit.word())?, &about),
                 false => npy_bytes(&deviation),
-            };
-            file.fill(&bytes)?;
-        }
-        Ok([self.png, self.npy, self.json, self.track, self.deviation]
-            .into_iter()
-            .flatten()
-            .try_for_each(PendingFile::finish)?)
+            })
+        })?;
+        let of_links = LinkPictures {
+            links: result.links.as_deref().unwrap_or_default(),
+            settings,
+            unit: unit.word(),
+            by_empty_sweep: result.by_empty_sweep,
+        };
+        fill(&mut self.coverage, || {
+            Ok(described(of_links.coverage()?, &about))
+        })?;
+        fill(&mut self.links, || {
+            Ok(described(of_links.losses()?, &about))
+        })?;
+        fill(&mut self.residuals, || {
+            Ok(described(of_links.residuals()?, &about))
+        })?;
+        fill(&mut self.progress, || {
+            Ok(described(
+                made.progress.unwrap_or_default().to_vec(),
+                &about,
+            ))
+        })?;
+        fill(&mut self.world, || {
+            text(made.earth.map(|earth| earth.world.as_str()))
+        })?;
+        fill(&mut self.geojson, || {
+            text(made.earth.map(|earth| earth.geojson.as_str()))
+        })?;
+        self.all().try_for_each(PendingFile::finish)?;
+        Ok(())
     }
+
+    fn all(self) -> impl Iterator<Item = PendingFile> {
+        [
+            self.png,
+            self.npy,
+            self.json,
+            self.track,
+            self.deviation,
+            self.coverage,
+            self.links,
+            self.residuals,
+            self.progress,
+            self.world,
+            self.geojson,
+        ]
+        .into_iter()
+        .flatten()
+    }
+}
+
+/// Writes a file, if it is wanted.
+fn fill(
+    file: &mut Option<PendingFile>,
+    bytes: impl Fn() -> Result<Vec<u8>, CliError>,
+) -> Result<(), CliError> {
+    match file {
+        Some(file) => Ok(file.fill(&bytes()?)?),
+        None => Ok(()),
+    }
+}
+
+/// Returns in a line which program has made something of which files.
+pub(super) fn about(made_from: &[SourceFile]) -> String {
+    let file = |file: &SourceFile| format!("{} (SHA-256 {})", file.file, file.sha256);
+    let files: Vec<String> = made_from.iter().map(file).collect();
+    let version = env!("CARGO_PKG_VERSION");
+    format!("made by tomoswarm {version} from {}", files.join(", "))
 }
 
 /// A file under a temporary name in its folder; it gets its name when complete and vanishes otherwise.
@@ -131,14 +228,22 @@ impl PendingFile {
         })
     }
 
-    fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
+    /// Writes what is in it.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
         let path = self.path.clone();
         self.file
             .write_all(bytes)
             .map_err(|source| ImageError::Unwritable { path, source })
     }
 
-    fn finish(self) -> Result<(), ImageError> {
+    /// Gives it its name.
+    ///
+    /// # Errors
+    /// It cannot be renamed.
+    pub(super) fn finish(self) -> Result<(), ImageError> {
         let path = self.path.clone();
         let Some(temporary) = &self.temporary else {
             return Ok(());
@@ -154,24 +259,36 @@ impl Drop for PendingFile {
     }
 }
 
-/// Returns the picture of an image, with the strongest places marked.
-fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
+/// Returns what the picture of an image shows, with the strongest places marked.
+pub(super) fn heat_map<'a>(
+    result: &'a Reconstruction,
+    unit: LengthUnit,
+    per_length: &'a str,
+) -> HeatMap<'a> {
     let Image { grid, values } = &result.image;
     let seen = if result.by_empty_sweep {
         "What changed since the empty sweep"
     } else {
         "What stands there"
     };
-    let spec = HeatMap {
+    HeatMap {
         title: format!("{seen} ({} links)", result.used),
         grid: *grid,
         values,
-        unit: &format!("dB/{}", unit.word()),
+        unit: per_length,
         length_unit: unit.word(),
         overlays: marks(result.finds.as_ref(), &result.peaks),
         range: None,
-    };
-    Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
+    }
+}
+
+/// Returns the picture of an image.
+fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
+    drawn(Picture::heat(&heat_map(
+        result,
+        unit,
+        &format!("dB/{}", unit.word()),
+    )))
 }
 
 /// Returns the deviation of an image as an image.
@@ -184,17 +301,23 @@ fn deviation_of(result: &Reconstruction) -> Result<Image, CliError> {
 }
 
 /// Returns the picture of a deviation.
-fn deviation_picture(deviation: &Image, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
-    let spec = HeatMap {
+pub(super) fn deviation_picture(deviation: &Image, unit: &str) -> Result<Vec<u8>, CliError> {
+    let values = || deviation.values.iter().copied();
+    let (least, most) = (
+        values().fold(f64::INFINITY, f64::min),
+        values().fold(f64::NEG_INFINITY, f64::max),
+    );
+    // They differ little: the colours begin at the least of them.
+    let range = (least < most).then_some((least, most));
+    drawn(Picture::heat(&HeatMap {
         title: "How sure the image is: standard deviation".to_owned(),
         grid: deviation.grid,
         values: &deviation.values,
-        unit: &format!("dB/{}", unit.word()),
-        length_unit: unit.word(),
+        unit: &format!("dB/{unit}"),
+        length_unit: unit,
         overlays: Vec::new(),
-        range: None,
-    };
-    Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
+        range,
+    }))
 }
 
 /// Returns the content of the JSON output.

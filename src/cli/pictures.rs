@@ -4,13 +4,16 @@ use tomoswarm_proto::VehicleId;
 
 use super::error::CliError;
 use super::folder::OutputFolder;
+use super::link_pictures::LinkPictures;
+use super::outputs::{about, deviation_picture};
 use crate::config::Venue;
-use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture};
+use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture, described};
 use crate::geom::{Cell, Point};
+use crate::ground::imager::{MOST_BLOCKS, Subject};
 use crate::map::{CellRect, Merged, Occupancy};
 use crate::scene::Person;
 use crate::sim::{RunOutcome, Scenario};
-use crate::tomo::{Find, Finds, Image, Peak, Reconstruction};
+use crate::tomo::{Find, Finds, Image, Peak, Reconstruction, deviation_of};
 
 /// Draws a run: what changed, what stands there, and the map.
 ///
@@ -21,18 +24,60 @@ pub(super) fn write_pictures(
     scenario: &Scenario,
     outcome: &RunOutcome,
 ) -> Result<(), CliError> {
+    let about = about(&scenario.made_from);
+    let mut write = |name: &str, png: Vec<u8>| folder.write(name, &described(png, &about));
     if let Some(change) = &outcome.change {
         let title = "What changed since the empty sweep";
-        folder.write("image.png", &heat(title, change, truth(outcome, true))?)?;
+        write("image.png", heat(title, change, truth(outcome, true))?)?;
     }
     if let Some(structure) = &outcome.structure {
         let title = "What stands there, from a fitted path loss";
-        folder.write(
+        write(
             "structure.png",
-            &heat(title, structure, truth(outcome, false))?,
+            heat(title, structure, truth(outcome, false))?,
         )?;
     }
-    folder.write("map.png", &map(scenario, outcome)?)
+    for (name, png) in pictures_of_links(scenario, outcome)? {
+        write(name, png)?;
+    }
+    write("map.png", map(scenario, outcome)?)
+}
+
+/// Draws what is behind the image of the change, or without one that of the structure.
+fn pictures_of_links(
+    scenario: &Scenario,
+    outcome: &RunOutcome,
+) -> Result<Vec<(&'static str, Vec<u8>)>, CliError> {
+    let subject = match outcome.change {
+        Some(_) => Subject::Change,
+        None => Subject::Structure,
+    };
+    let settings = scenario.image(subject);
+    let made = outcome.change.as_ref().or(outcome.structure.as_ref());
+    let Some(links) = made.and_then(|made| made.links.as_deref()) else {
+        return Ok(Vec::new());
+    };
+    let of_links = LinkPictures {
+        links,
+        settings: &settings,
+        unit: "m",
+        by_empty_sweep: subject == Subject::Change,
+    };
+    let mut pictures = vec![
+        ("coverage.png", of_links.coverage()?),
+        ("links.png", of_links.losses()?),
+        ("residuals.png", of_links.residuals()?),
+    ];
+    let deviation = match subject {
+        Subject::Change => deviation_of(links, &settings, MOST_BLOCKS),
+        Subject::Structure => None,
+    };
+    if let Some(values) = deviation {
+        let grid = settings.grid;
+        let picture = deviation_picture(&Image { grid, values }, "m")?;
+        pictures.push(("deviation.png", picture));
+    }
+    Ok(pictures)
 }
 
 pub(super) fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<Vec<u8>, CliError> {

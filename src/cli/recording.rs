@@ -2,7 +2,7 @@
 //!
 //! Pure: bytes in, links out. Every mistake names the line (or packet), what was found and what was expected.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use serde::Deserialize;
@@ -19,6 +19,9 @@ pub const CSV_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm";
 /// The header of the links files that tomoswarm writes.
 pub const LINKS_HEADER: &str =
     "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
+
+/// The columns that may stand there as well: how high the ends are.
+const HEIGHTS: [&str; 2] = ["tx_z_m", "rx_z_m"];
 
 /// Farthest coordinate that is believed, metres.
 pub(super) const FARTHEST_M: f64 = 1e7;
@@ -94,6 +97,12 @@ pub struct Recording {
     pub imaging: Option<LinksFile>,
     /// The side of the bins in which the links are pooled already, metres.
     pub pooled_in_m: Option<f64>,
+    /// The channels on which it was measured, as far as it says so.
+    pub channels: BTreeSet<u8>,
+    /// How high both ends of each link are, metres; empty when the recording does not say it.
+    pub heights_m: Vec<(f64, f64)>,
+    /// The links in the order in which they were measured; empty when that is how they stand.
+    pub in_time: Vec<usize>,
 }
 
 /// Reads a recording.
@@ -115,9 +124,41 @@ pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
             "an empty file",
             format!("the header {CSV_HEADER} or a JSON recording"),
         )),
-        Some('{' | '[') => read_json(text),
+        Some('{' | '[') => read_json(text, 1.0),
         Some(_) => read_csv(text),
     }
+}
+
+/// Reads the first share (0 to 1) of the packets of a recording, in recorded order; `None` when it holds no single packets.
+///
+/// # Errors
+/// As for [`read_recording`].
+pub(super) fn read_share(text: &str, share: f64) -> Result<Option<Recording>, RecordingError> {
+    let is_json = text
+        .trim_start_matches('\u{feff}')
+        .trim_start()
+        .starts_with(['{', '[']);
+    if is_json {
+        return read_json(text, share).map(Some);
+    }
+    let mut recording = read_recording(text.as_bytes())?;
+    let is_single = |link: &Link| link.packets + link.misses == 1 && link.spots == 1;
+    let count = share_of(recording.links.len(), share);
+    let is_of_packets = recording.pooled_in_m.is_none() && recording.links.iter().all(is_single);
+    let in_time = std::mem::take(&mut recording.in_time);
+    match in_time.is_empty() {
+        true => recording.links.truncate(count),
+        false => {
+            let first = in_time.iter().take(count);
+            recording.links = first.map(|index| recording.links[*index]).collect();
+        }
+    }
+    Ok(is_of_packets.then_some(recording))
+}
+
+/// Returns a share of a number of things, at least one.
+fn share_of(count: usize, share: f64) -> usize {
+    (libm::round(count as f64 * share) as usize).clamp(1, count.max(1))
 }
 
 /// Returns a links file: how it is to be imaged as comments, if that is known, then one line per link, with an empty
@@ -199,18 +240,23 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let Some((number, line)) = lines.next() else {
         return Err(wrong("1: ".into(), "an empty file", CSV_HEADER));
     };
-    let is_of_links = |name: &str| csv::names(LINKS_HEADER).any(|known| known == name);
+    let of_links = format!("{LINKS_HEADER},{}", HEIGHTS.join(","));
+    let is_of_links = |name: &str| csv::names(&of_links).any(|known| known == name);
     let mut of_samples = csv::names(SAMPLES_HEADER).filter(|name| !is_of_links(name));
     let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
-    let (links, pooled_in_m) = if are_samples {
+    let (mut heights_m, mut in_time) = (Vec::new(), Vec::new());
+    let (links, channels, pooled_in_m) = if are_samples {
         let expected = format!("a header of samples, with {NEEDED} at least");
         let header = CsvHeader::read(number, line, SAMPLES_HEADER, expected)?;
-        (read_samples(&header, lines)?, None)
+        let samples = read_samples(&header, lines)?;
+        in_time = samples.in_time;
+        (samples.links, samples.channels, None)
     } else {
         let expected = format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
-        let header = CsvHeader::read(number, line, LINKS_HEADER, expected)?;
+        let header = CsvHeader::read(number, line, &of_links, expected)?;
         let bin_m = imaging.as_ref().map(|imaging| imaging.imaging.bin_m);
-        (read_links(&header, lines)?, bin_m)
+        let links = read_links(&header, lines, &mut heights_m)?;
+        (links, BTreeSet::new(), bin_m)
     };
     Ok(Recording {
         links,
@@ -218,20 +264,29 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         area: imaging.as_ref().map(|imaging| imaging.area),
         imaging,
         pooled_in_m,
+        channels,
+        heights_m,
+        in_time,
     })
 }
 
 fn read_links<'a>(
     header: &CsvHeader<'_>,
     lines: impl Iterator<Item = (usize, &'a str)>,
+    heights_m: &mut Vec<(f64, f64)>,
 ) -> Result<Vec<Link>, RecordingError> {
     let (tx_x, tx_y) = (header.needed("tx_x_m")?, header.needed("tx_y_m")?);
     let (rx_x, rx_y) = (header.needed("rx_x_m")?, header.needed("rx_y_m")?);
     let rssi = header.needed("rssi_dbm")?;
     let [packets, spots, misses, spread] =
         ["packets", "spots", "misses", "spread_db"].map(|name| header.column(name));
+    let heights = HEIGHTS.map(|name| header.column(name));
     let read = |(number, line): (usize, &str)| {
         let fields = header.fields(number, line)?;
+        if let [Some(from), Some(to)] = heights {
+            let height = |column| fields.ranged(column, (-FARTHEST_M, FARTHEST_M), "a height");
+            heights_m.push((height(from)?, height(to)?));
+        }
         let whole = |column: Option<usize>, default: u32, least: u32, what: &str| match column {
             Some(column) => fields.whole(column, least, what),
             None => Ok(default),
@@ -285,7 +340,7 @@ struct Dump {
 const PACKET: &str =
     "[receiver id, from_north, from_east, from_valid, to_north, to_east, to_valid, rssi_dbm]";
 
-fn read_json(text: &str) -> Result<Recording, RecordingError> {
+fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
     let dump: Dump = serde_json::from_str(text).map_err(|error| {
         wrong(
             format!("{}: ", error.line().max(1)),
@@ -295,7 +350,8 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
     })?;
     let area = read_area(&dump)?;
     let mut pairs = BTreeMap::new();
-    for (index, packet) in dump.packets.iter().enumerate() {
+    let count = share_of(dump.packets.len(), share);
+    for (index, packet) in dump.packets.iter().take(count).enumerate() {
         let packet = read_packet(packet)
             .map_err(|(found, expected)| wrong(format!("packets[{index}]: "), found, expected))?;
         pairs
@@ -316,6 +372,9 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
         area,
         imaging: None,
         pooled_in_m: None,
+        channels: BTreeSet::new(),
+        heights_m: Vec::new(),
+        in_time: Vec::new(),
     })
 }
 

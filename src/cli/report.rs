@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::error::CliError;
 use super::folder::OutputFolder;
+use super::outputs::about;
 use super::recording::links_csv;
 use super::samples_csv::samples_csv;
 use super::tracks::write_tracks;
@@ -30,6 +31,10 @@ pub(super) const FAMILY: &[&str] = &[
     "structure.npy",
     "image.png",
     "structure.png",
+    "coverage.png",
+    "links.png",
+    "residuals.png",
+    "deviation.png",
     "map.png",
     "track-1.waypoints",
     "track-2.waypoints",
@@ -404,7 +409,9 @@ pub(super) fn write_data(
         reception: sim.radio.reception,
         imaging: sim.imaging,
     };
-    let links = |links| links_csv(links, Some(&imaging));
+    // A comment within the comments that are TOML.
+    let about = format!("# # {}\n", about(&scenario.made_from));
+    let links = |links| with_origin(links_csv(links, Some(&imaging)), &about);
     folder.write("links.csv", links(&outcome.links).as_bytes())?;
     if sim.empty_sweep {
         folder.write("empty.csv", links(&outcome.empty_links).as_bytes())?;
@@ -412,7 +419,7 @@ pub(super) fn write_data(
     if let Some(measured) = &outcome.measured {
         let of_run = |run| {
             let samples = measured.iter().filter(move |sample| sample.run == run);
-            samples_csv(samples, &imaging)
+            with_origin(samples_csv(samples, &imaging), &about)
         };
         folder.write("samples.csv", of_run(RUN).as_bytes())?;
         if sim.empty_sweep {
@@ -431,6 +438,17 @@ pub(super) fn write_data(
     }
     write_tracks(folder, &scenario.sim().venue, &outcome.tracks)?;
     folder.write("run.log", outcome.log.as_bytes())
+}
+
+/// Returns a file with what it was made from below the comments that it begins with.
+fn with_origin(text: String, about: &str) -> String {
+    let comments: usize = text
+        .split_inclusive('\n')
+        .take_while(|line| line.starts_with('#'))
+        .map(str::len)
+        .sum();
+    let (head, rest) = text.split_at(comments);
+    format!("{head}{about}{rest}")
 }
 
 /// Returns how the missions ended, where vehicles have their own.

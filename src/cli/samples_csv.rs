@@ -1,6 +1,7 @@
 //! Samples as CSV, one beacon heard or missed a line: what `tomoswarm sim --samples` and `tomoswarm export` write, and what
 //! `tomoswarm image` reads.
 
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
@@ -18,6 +19,9 @@ pub(super) const SAMPLES_HEADER: &str = "vehicle,boot,run,sequence,heard_at_s,ut
     channel,power_dbm,rssi_dbm";
 /// The columns that one must have to be read.
 pub(super) const NEEDED: &str = "run,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm";
+
+/// Times of a clock that are believed, seconds.
+const SECONDS: (f64, f64) = (-1e12, 1e12);
 
 /// Returns a file of samples: how they are to be imaged as comments, then a line for each.
 pub(super) fn samples_csv<'a>(
@@ -71,15 +75,25 @@ fn pose_fields(pose: &PoseReport) -> String {
     format!("{},{},{sd_m}", place.join(","), known(heading.radians(), 5))
 }
 
-/// Reads lines of samples below their header as links of one packet, or of one miss. A sample that comes again and one whose
-/// ends are not both known are passed over.
+/// What a file of samples holds.
+pub(super) struct SampleLinks {
+    /// Links of one packet or one miss, in the order of the file.
+    pub(super) links: Vec<Link>,
+    /// The channels on which they were measured, as far as it says so.
+    pub(super) channels: BTreeSet<u8>,
+    /// The links in the order in which they were measured: by UTC where all lines have it, else by the clocks of their vehicles.
+    pub(super) in_time: Vec<usize>,
+}
+
+/// Reads lines of samples below their header as links of one packet, or of one miss, and on which channels that was. A sample
+/// that comes again and one whose ends are not both known are passed over.
 ///
 /// # Errors
 /// The first line that is not as expected, or lines of several runs.
 pub(super) fn read_samples<'a>(
     header: &CsvHeader<'_>,
     lines: impl Iterator<Item = (usize, &'a str)>,
-) -> Result<Vec<Link>, RecordingError> {
+) -> Result<SampleLinks, RecordingError> {
     let ends = [
         [header.needed("tx_x_m")?, header.needed("tx_y_m")?],
         [header.needed("rx_x_m")?, header.needed("rx_y_m")?],
@@ -93,7 +107,10 @@ pub(super) fn read_samples<'a>(
         (Some(vehicle), Some(boot), Some(sequence)) => Some((vehicle, boot, sequence)),
         _ => None,
     };
+    let channel = header.column("channel");
     let (mut links, mut read, mut of_file) = (Vec::new(), BTreeSet::new(), None);
+    let [utc, heard_at] = ["utc", "heard_at_s"].map(|name| header.column(name));
+    let (mut channels, mut times) = (BTreeSet::new(), Vec::new());
     for (number, line) in lines {
         let fields = header.fields(number, line)?;
         let of_line = RunId(fields.whole(run, 0, "a run")?);
@@ -116,6 +133,9 @@ pub(super) fn read_samples<'a>(
         if ends.as_flattened().iter().any(|end| fields.is_empty(*end)) {
             continue;
         }
+        if let Some(channel) = channel.filter(|channel| !fields.is_empty(*channel)) {
+            channels.insert(fields.whole(channel, 0, "a channel")?);
+        }
         let (from, to) = (fields.place(ends[0])?, fields.place(ends[1])?);
         let link = if fields.is_empty(rssi) {
             Link {
@@ -127,13 +147,34 @@ pub(super) fn read_samples<'a>(
         };
         if !is_repeated {
             links.push(link);
+            let heard_at_s = match heard_at.filter(|heard_at| !fields.is_empty(*heard_at)) {
+                Some(heard_at) => fields.ranged(heard_at, SECONDS, "seconds")?,
+                None => 0.0,
+            };
+            times.push((utc.map_or("", |utc| fields.text(utc)), heard_at_s));
         }
     }
     if links.is_empty() {
         let expected = "at least one sample with both places";
         return Err(wrong("2: ".into(), "the end of the file", expected));
     }
-    Ok(links)
+    let has_utc = times.iter().all(|(utc, _)| !utc.is_empty());
+    let mut in_time: Vec<usize> = (0..links.len()).collect();
+    in_time.sort_by(|a, b| {
+        let ((utc_a, clock_a), (utc_b, clock_b)) = (times[*a], times[*b]);
+        // Moments of ISO 8601 are in the order of their letters.
+        let by_utc = if has_utc {
+            utc_a.cmp(utc_b)
+        } else {
+            Ordering::Equal
+        };
+        by_utc.then(clock_a.total_cmp(&clock_b))
+    });
+    Ok(SampleLinks {
+        links,
+        channels,
+        in_time,
+    })
 }
 
 /// Returns a moment in UTC as ISO 8601 with milliseconds ("2026-11-20T09:05:00.250Z"); empty for what is no time.
@@ -167,7 +208,7 @@ mod tests {
     use tomoswarm_proto::{Boot, Deviation, Heading, Position, Sample, VehicleId};
 
     use super::*;
-    use crate::cli::recording::read_recording;
+    use crate::cli::recording::{read_recording, read_share};
 
     #[test]
     fn moments_are_written_as_iso_8601() {
@@ -232,6 +273,24 @@ mod tests {
         assert_eq!(links[0], (1.234, 1, 0, -60.0));
         assert_eq!((links[1].0, links[1].1, links[1].2), (2.0, 0, 1));
         assert_eq!((links.len(), recording.pooled_in_m), (2, None));
+    }
+
+    #[test]
+    fn the_first_share_is_that_of_the_time_and_not_of_the_first_vehicle() {
+        let at = |sequence: u64, heard_at_ns: u64, x_m: f64| {
+            let mut one = sample(sequence, x_m, Some(-60));
+            one.sample.heard_at_ns = heard_at_ns;
+            one
+        };
+        let text = file(&[
+            at(0, 3_000_000_000, 1.0),
+            at(1, 4_000_000_000, 2.0),
+            at(2, 1_000_000_000, 3.0),
+            at(3, 2_000_000_000, 4.0),
+        ]);
+        let first = read_share(&text, 0.5).ok().flatten().unwrap();
+        let places: Vec<f64> = first.links.iter().map(|link| link.from.x_m).collect();
+        assert_eq!(places, [3.0, 4.0]);
     }
 
     fn problem(text: &str) -> String {

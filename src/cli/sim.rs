@@ -101,6 +101,8 @@ const FOLDER_AND_EXAMPLES: &str = "\
 The folder then holds
   image.png      what changed since the empty sweep: the persons (with the truth, for comparison)
   structure.png  what stands there, from a fitted path loss: the wall
+  coverage.png, links.png, residuals.png, deviation.png   what is behind that image: what the links have seen, what each has lost,
+                 what the image leaves unexplained of it, and how sure the image is
   map.png        what the range sensors saw, where the vehicles drove, and who stood there
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them

@@ -15,7 +15,7 @@ use super::{experiment, image, plan, scene, sim};
 #[derive(clap::Subcommand, Debug)]
 pub(super) enum StationCommand {
     Sim(sim::SimArgs),
-    Image(image::ImageCommand),
+    Image(Box<image::ImageCommand>),
     Plan(plan::PlanArgs),
     Experiment(experiment::ExperimentArgs),
     Scene(scene::SceneArgs),

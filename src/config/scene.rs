@@ -7,7 +7,7 @@ mod object;
 use std::collections::BTreeMap;
 
 pub use self::object::{Object, Outline};
-use super::forms::{FileName, Name, RequiredPlace};
+use super::forms::{FileName, Name, RequiredPlace, places};
 use super::keys::{
     Form, KeyEntry, Keyed, Keys, List, Number, Numbers, Rowed, Whole, WordChoice, Words, quoted,
     read_table,
@@ -17,6 +17,8 @@ use crate::geom::Point;
 
 /// The largest attenuation that a material may have, dB/m (and dB per crossing).
 const MOST_DB: f64 = 200.0;
+/// Most places of a walk.
+const WALK_PLACES: usize = 1000;
 
 /// Which axis of the file of shapes points up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -64,6 +66,10 @@ pub struct Person {
     pub height_m: f64,
     /// Attenuation inside, dB/m.
     pub db_per_m: f64,
+    /// Where the person walks from `at`, and the same way back, again and again; empty = nowhere.
+    pub path: Vec<Point>,
+    /// How fast, m/s.
+    pub speed_mps: f64,
 }
 
 /// Persons whose places the simulator draws from the seed, uniformly in the area, within these rules.
@@ -369,6 +375,8 @@ impl Person {
             radius_m,
             height_m,
             db_per_m,
+            path,
+            speed_mps,
         } = self;
         let mut plain = Name {
             name,
@@ -393,6 +401,35 @@ impl Person {
             },
         );
         person_keys(radius_m, height_m, db_per_m, to);
+        let means = "walks from `at_m` to these places, and the same way back, again and again";
+        to.form(
+            &mut WalkedPath(path),
+            KeyEntry {
+                name: "path_m",
+                left_out: "stands still",
+                means,
+            },
+        );
+        let allowed = 0.05..=3.0;
+        to.number(
+            speed_mps,
+            Number::new("speed_mps", 1.0, allowed, "speed of a walk"),
+        );
+    }
+}
+
+/// The places of a walk.
+struct WalkedPath<'a>(&'a mut Vec<Point>);
+
+impl Form for WalkedPath<'_> {
+    fn to_toml(&self) -> Option<String> {
+        (!self.0.is_empty()).then(|| places(self.0))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        if section.has(key) {
+            *self.0 = section.required_points(key, 1..=WALK_PLACES);
+        }
     }
 }
 

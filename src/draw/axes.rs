@@ -10,8 +10,14 @@ use super::text::{LARGE, SMALL, short, width_px, write, write_upward};
 
 const TICK_PX: i32 = 6;
 
-/// Draws frame, ticks, names and title around the plot.
+/// Draws frame, ticks, names and title around a plot of the plane.
 pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_unit: &str) {
+    let names = ["x", "y"].map(|axis| format!("{axis} ({length_unit})"));
+    draw_named(picture, layout, title, [&names[0], &names[1]]);
+}
+
+/// Draws them around any plot, with the names of its axes.
+pub(super) fn draw_named(picture: &mut Picture, layout: &Layout, title: &str, names: [&str; 2]) {
     picture.frame(layout.plot, INK);
     let Rectangle { top_left, size } = layout.plot;
     let (left, top) = (top_left.x, top_left.y);
@@ -19,7 +25,7 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_u
     along_x(picture, layout, top + height);
     along_y(picture, layout, left);
     let line_px = SMALL.character_size.height as i32;
-    let name = &format!("x ({length_unit})");
+    let [name, upward] = names;
     let x = left + (width - width_px(name, SMALL) as i32) / 2;
     write(
         picture,
@@ -28,8 +34,7 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_u
         SMALL,
         INK,
     );
-    let name = &format!("y ({length_unit})");
-    let y = top + (height + width_px(name, SMALL) as i32) / 2;
+    let y = top + (height + width_px(upward, SMALL) as i32) / 2;
     let labels_px = layout
         .y_ticks
         .iter()
@@ -38,7 +43,7 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_u
         .unwrap_or(0) as i32;
     write_upward(
         picture,
-        name,
+        upward,
         Point::new(left - TICK_PX - 12 - labels_px - line_px, y),
         SMALL,
         INK,

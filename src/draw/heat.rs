@@ -18,7 +18,7 @@ use super::raster::Picture;
 use super::text::{SMALL, width_px, write};
 use super::{DrawError, Placement, axes, paint};
 
-const PAD_PX: u32 = 14;
+pub(super) const PAD_PX: u32 = 14;
 
 /// What a heat map shows.
 #[derive(Clone, PartialEq, Debug)]
@@ -67,6 +67,14 @@ impl Picture {
     /// # Errors
     /// [`DrawError::ValueCount`], [`DrawError::AreaNotFinite`].
     pub fn heat(map: &HeatMap) -> Result<Vec<u8>, DrawError> {
+        Picture::of_heat(map)?.png()
+    }
+
+    /// Draws a heat map, north up.
+    ///
+    /// # Errors
+    /// [`DrawError::ValueCount`], [`DrawError::AreaNotFinite`].
+    pub fn of_heat(map: &HeatMap) -> Result<Picture, DrawError> {
         let PixelGrid {
             area,
             columns,
@@ -105,7 +113,7 @@ impl Picture {
             legend_at,
             layout.size.width - 2 * PAD_PX,
         );
-        picture.png()
+        Ok(picture)
     }
 }
 

@@ -51,7 +51,23 @@ impl Layout {
         side_px: u32,
         legend: &Legend,
     ) -> Result<Layout, DrawError> {
-        let view = view(area, overlays)?;
+        Ok(Layout::of(view(area, overlays)?, side_px, legend, 1.0))
+    }
+
+    /// Lays out a plot whose axes have scales of their own: `stretch` units of the plane are one unit along y.
+    ///
+    /// # Errors
+    /// [`DrawError::AreaNotFinite`].
+    pub(super) fn stretched(
+        area: Rect,
+        stretch: f64,
+        side_px: u32,
+        legend: &Legend,
+    ) -> Result<Layout, DrawError> {
+        Ok(Layout::of(view(area, &[])?, side_px, legend, stretch))
+    }
+
+    fn of(view: Rect, side_px: u32, legend: &Legend, stretch: f64) -> Layout {
         let (width_m, height_m) = (view.width_m(), view.height_m());
         let scale_px_per_m =
             (f64::from(PLOT_MOST.width) / width_m).min(f64::from(PLOT_MOST.height) / height_m);
@@ -62,11 +78,12 @@ impl Layout {
             view.max.x_m,
             (shown.width / 50).clamp(1, 12) as usize,
         );
-        let y_ticks = ticks(
-            view.min.y_m,
-            view.max.y_m,
+        let mut y_ticks = ticks(
+            view.min.y_m / stretch,
+            view.max.y_m / stretch,
             (shown.height / 50).clamp(1, 12) as usize,
         );
+        y_ticks.iter_mut().for_each(|tick| tick.value *= stretch);
         let label_px = y_ticks
             .iter()
             .map(|tick| width_px(&tick.label, SMALL))
@@ -86,7 +103,7 @@ impl Layout {
             width,
             legend_top + legend.height_px(width - 2 * PAD_PX) + PAD_PX,
         );
-        Ok(Layout {
+        Layout {
             view,
             plot,
             size,
@@ -94,7 +111,7 @@ impl Layout {
             y_ticks,
             legend_top: legend_top as i32,
             scale_px_per_m,
-        })
+        }
     }
 
     /// Returns where the whole picture lies in the plane.

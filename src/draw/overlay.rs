@@ -6,7 +6,7 @@ use tomoswarm_proto::VehicleId;
 use super::colour::Theme;
 use super::stroke::Pen;
 use super::vehicle_colour::{place_of, rgb_at};
-use crate::geom::{Point, Polygon, Rect};
+use crate::geom::{Point, Polygon, Rect, Vector};
 
 /// Something laid over a plot. Places are local-frame metres; parts outside the plot, and places that are not finite,
 /// are not drawn. A label is left out when no free place is found near its mark.
@@ -71,6 +71,15 @@ pub enum Overlay {
         /// Where it is.
         at: Point,
     },
+    /// A direction, as a short line in both ways.
+    Direction {
+        /// The middle of the line.
+        at: Point,
+        /// Half of the line.
+        half: Vector,
+        /// What the legend calls such lines.
+        meaning: &'static str,
+    },
     /// The fence that vehicles must not cross.
     Fence {
         /// Its corners.
@@ -95,6 +104,7 @@ impl Overlay {
             Overlay::Vehicle { vehicle, .. } => Mark::Vehicle(Some(place_of(*vehicle))),
             Overlay::Home { vehicle, .. } => Mark::Home(Some(place_of(*vehicle))),
             Overlay::Viewpoint { .. } => Mark::Viewpoint,
+            Overlay::Direction { .. } => Mark::Direction,
             Overlay::Fence { .. } => Mark::Fence,
             Overlay::Area { .. } => Mark::Area,
         }
@@ -112,6 +122,7 @@ impl Overlay {
             }
             Overlay::Track { .. }
             | Overlay::Viewpoint { .. }
+            | Overlay::Direction { .. }
             | Overlay::Fence { .. }
             | Overlay::Area { .. } => None,
         }
@@ -129,6 +140,8 @@ impl Overlay {
             | Overlay::Vehicle { at, .. }
             | Overlay::Home { at, .. }
             | Overlay::Viewpoint { at } => vec![*at],
+            // They lie within what they say something of.
+            Overlay::Direction { .. } => Vec::new(),
             Overlay::Track { points, .. } => points.clone(),
             Overlay::Area { rect } => vec![rect.min, rect.max],
         };
@@ -158,6 +171,7 @@ impl Overlay {
             Overlay::Vehicle { .. } => "vehicle, in its colour".to_string(),
             Overlay::Home { .. } => "home, in its vehicle's colour".to_string(),
             Overlay::Viewpoint { .. } => "viewpoint".to_string(),
+            Overlay::Direction { meaning, .. } => (*meaning).to_string(),
             Overlay::Fence { .. } => "fence".to_string(),
             Overlay::Area { .. } => "imaged area".to_string(),
         }
@@ -177,6 +191,7 @@ pub(super) enum Mark {
     Fence,
     Track(Option<usize>),
     Outline,
+    Direction,
     Home(Option<usize>),
     Viewpoint,
     Vehicle(Option<usize>),
@@ -211,6 +226,7 @@ impl Mark {
             },
             Mark::Track(vehicle) => pen(2.0, colour_of(vehicle)),
             Mark::Outline => pen(1.8, theme.truth),
+            Mark::Direction => pen(1.6, theme.found),
             Mark::Home(vehicle) => pen(2.0, colour_of(vehicle)),
             Mark::Viewpoint => pen(9.0, theme.neutral),
             Mark::Vehicle(vehicle) => pen(9.0, colour_of(vehicle)),

@@ -17,6 +17,10 @@ use super::tracks;
 const CASING_PX: f64 = 2.4;
 const CIRCLE_LEAST_PX: f64 = 4.0;
 const OUTLINE_MOST: usize = 600;
+/// So many squared deviations from the mean lie 90 % in the plane.
+const CHI_SQUARED_90: f64 = 4.605;
+/// Labels stand beside ellipses of this radius at most, and on larger ones.
+const ELLIPSE_MOST_PX: f64 = 60.0;
 
 /// Draws all overlays, marks of one kind together, then their labels on top.
 pub(super) fn overlays(
@@ -83,7 +87,7 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
     );
     let place = |x_px: f64, y_px: f64| At::new(middle.x_px + x_px, middle.y_px + y_px);
     let paths = match mark {
-        Mark::Area | Mark::Fence | Mark::Track(_) => {
+        Mark::Area | Mark::Fence | Mark::Track(_) | Mark::Direction => {
             vec![vec![place(-14.0, 0.0), place(14.0, 0.0)]]
         }
         Mark::Outline => {
@@ -132,7 +136,7 @@ pub(super) fn rim(mark: Mark, theme: &Theme) -> Pen {
 /// Returns the opacity of a mark's rim: fainter for lines, which lie close to each other.
 fn mark_rim(mark: Mark) -> f64 {
     match mark {
-        Mark::Track(_) | Mark::Area | Mark::Fence => 0.5,
+        Mark::Track(_) | Mark::Area | Mark::Fence | Mark::Direction => 0.5,
         Mark::Outline
         | Mark::Home(_)
         | Mark::Viewpoint
@@ -166,6 +170,9 @@ pub(super) fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
         }
         Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => vec![vec![layout.place(*at)]],
         Overlay::Home { at, .. } => vec![house(layout.place(*at))],
+        Overlay::Direction { at, half, .. } => {
+            vec![vec![layout.place(*at - *half), layout.place(*at + *half)]]
+        }
     }
 }
 
@@ -199,8 +206,6 @@ fn cross(middle: At) -> Vec<Vec<At>> {
 
 /// Returns the ellipse that holds 90 % of a normal distribution with this mean and covariance.
 fn ellipse(at: Point, [xx, xy, yy]: [f64; 3], layout: &Layout) -> Vec<At> {
-    /// So many squared deviations from the mean lie 90 % in the plane.
-    const CHI_SQUARED_90: f64 = 4.605;
     // The Cholesky factor of the covariance turns a circle into it.
     let across = xx.max(0.0).sqrt();
     let slant = if across > 0.0 { xy / across } else { 0.0 };
@@ -239,12 +244,20 @@ fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
         Overlay::Circle { at, radius_m, .. } => {
             around(*at, radius_px(*radius_m, layout) + 2.0, layout)
         }
-        Overlay::Cross { at, .. } | Overlay::Find { at, .. } | Overlay::Home { at, .. } => {
-            around(*at, 7.0, layout)
+        Overlay::Find {
+            at,
+            covariance_m2: [xx, _, yy],
+            ..
+        } => {
+            let radius_m = (CHI_SQUARED_90 * xx.max(*yy).max(0.0)).sqrt();
+            let radius_px = layout.length_px(radius_m).min(ELLIPSE_MOST_PX) + 2.0;
+            around(*at, radius_px.max(7.0), layout)
         }
+        Overlay::Cross { at, .. } | Overlay::Home { at, .. } => around(*at, 7.0, layout),
         Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => around(*at, 6.0, layout),
         Overlay::Outline { .. }
         | Overlay::Track { .. }
+        | Overlay::Direction { .. }
         | Overlay::Fence { .. }
         | Overlay::Area { .. } => None,
     }
@@ -264,7 +277,10 @@ fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
         | Overlay::Vehicle { .. }
         | Overlay::Viewpoint { .. }
         | Overlay::Home { .. } => point_mark(overlay, layout).into_iter().collect(),
-        Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => Vec::new(),
+        Overlay::Track { .. }
+        | Overlay::Direction { .. }
+        | Overlay::Fence { .. }
+        | Overlay::Area { .. } => Vec::new(),
     }
 }
 

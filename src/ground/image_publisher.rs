@@ -277,6 +277,7 @@ mod tests {
                 deviation: Some(vec![0.25; grid.len()]),
                 shares: None,
                 choice: None,
+                links: None,
                 finds: Some(Finds {
                     found: vec![find],
                     next: None,

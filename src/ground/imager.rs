@@ -19,7 +19,7 @@ use crate::time::{Deadline, Time};
 use crate::tomo::{Extras, Imager as Solver, ImagingSettings, Link, Reconstruction, TomoError};
 
 /// Deviations are computed for so many blocks of pixels at most: 30 ms and a few megabytes on a desk.
-const MOST_BLOCKS: usize = 900;
+pub const MOST_BLOCKS: usize = 900;
 
 /// What is to be seen in a picture.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -149,6 +149,7 @@ impl ImagerActor {
             persons: is_free || job.stage == ImageStage::Last,
             deviation: is_free.then_some(MOST_BLOCKS),
             shares_of: None,
+            links: job.stage == ImageStage::Last,
         };
         let result = solver.update(&job.now, empty, extras);
         let result = result.map_err(|error| error.to_string());

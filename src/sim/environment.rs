@@ -37,6 +37,7 @@ use super::autopilot::{DatedText, LowBattery, Readout};
 use super::faults::Faults;
 use super::noise::{Noise, NoisePurpose};
 use super::queue::EventQueue;
+use super::walking::WalkingScene;
 use super::world::{CommandResult, PredictedContact, World, WorldContents};
 use crate::autopilot::{Ack, AutopilotReport, Command, CommandAck, NumberedCommand, VehicleKind};
 use crate::geom::Angle;
@@ -47,6 +48,9 @@ use crate::time::{Deadline, Time};
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 /// Where everybody is is said this often.
 pub const TRACK_EVERY: Duration = Duration::from_secs(1);
+
+/// Persons who walk are put where they are this often.
+const WALK_EVERY: Duration = Duration::from_millis(200);
 
 /// What lies around the vehicles.
 pub struct Environment {
@@ -62,6 +66,8 @@ pub struct Environment {
     counts: DeviceCounts,
     /// What stands there once the persons have entered; `None` = they have.
     outside: Option<Box<WorldContents>>,
+    /// Who walks there.
+    walking: Option<Box<WalkingScene>>,
 }
 
 impl Environment {
@@ -80,6 +86,15 @@ impl Environment {
             contacts: Vec::new(),
             counts: DeviceCounts::default(),
             outside: None,
+            walking: None,
+        }
+    }
+
+    /// Lets persons walk, as soon as they are in.
+    pub fn with_walking(self, walking: Option<WalkingScene>) -> Environment {
+        Environment {
+            walking: walking.map(Box::new),
+            ..self
         }
     }
 
@@ -101,6 +116,9 @@ impl Environment {
             self.schedule(first, PendingEvent::Report { vehicle }, out);
         }
         self.schedule(Time::ZERO + TRACK_EVERY, PendingEvent::Track, out);
+        if self.persons_are_in() && self.walking.is_some() {
+            self.schedule(Time::ZERO + WALK_EVERY, PendingEvent::Walk, out);
+        }
         for (at, vehicle, charge) in self.faults.charges() {
             self.schedule(at, PendingEvent::Charge { vehicle, charge }, out);
         }
@@ -200,10 +218,27 @@ impl Environment {
             return;
         };
         self.now = self.now.max(now);
+        let walked = self.walking.as_ref().map(|walking| walking.at(self.now));
+        self.set_stage(walked.and_then(Result::ok).unwrap_or(*stage), out);
+        if self.walking.is_some() {
+            self.schedule(self.now + WALK_EVERY, PendingEvent::Walk, out);
+        }
+    }
+
+    /// Changes what stands there.
+    fn set_stage(&mut self, stage: WorldContents, out: &mut Vec<WorldEvent>) {
         // Contacts that were predicted with the old stage are void.
         self.contacts.clear();
-        let contacts = self.world.set_stage(*stage, self.now);
+        let contacts = self.world.set_stage(stage, self.now);
         self.predict(contacts, out);
+    }
+
+    /// Puts persons where they have walked to. A scene that cannot be built could not when the run began: nobody moves then.
+    fn walk(&mut self, out: &mut Vec<WorldEvent>) {
+        let walked = self.walking.as_ref().map(|walking| walking.at(self.now));
+        if let Some(Ok(stage)) = walked {
+            self.set_stage(stage, out);
+        }
     }
 
     /// Returns whether nobody waits outside.
@@ -255,6 +290,10 @@ impl Environment {
             PendingEvent::Silence { vehicle } => self.mind_companion(vehicle, out),
             PendingEvent::AirEnds { number } => self.end_of_beacon(number, out),
             PendingEvent::Charge { vehicle, charge } => self.charge(vehicle, charge, out),
+            PendingEvent::Walk => {
+                self.schedule(next_of(at, WALK_EVERY, until), PendingEvent::Walk, out);
+                self.walk(out);
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! From a checked simulation file, its shapes and a seed to a run, and from the run to its outcome.
 
 mod runs;
+mod walks;
 
 pub use runs::RunError;
 
@@ -52,6 +53,16 @@ pub enum ScenarioError {
         number: usize,
         /// Of how many.
         count: usize,
+    },
+    /// Somebody cannot walk where the file says.
+    #[error("scene: person {name} walks at ({:.2}, {:.2}) m {reason}", at.0, at.1)]
+    Walk {
+        /// Who.
+        name: String,
+        /// Where, metres.
+        at: (f64, f64),
+        /// Why not, and what was expected.
+        reason: String,
     },
     /// A vehicle starts inside something, or where wind carries it into something.
     #[error(
@@ -136,6 +147,7 @@ impl Scenario {
         };
         let structure = scenario.scene(&[])?;
         scenario.persons = scenario.place_persons(&structure)?;
+        scenario.check_walks(&structure)?;
         scenario.check_starts(&structure)?;
         Ok(scenario)
     }
@@ -354,7 +366,10 @@ impl Scenario {
     fn environment_with(&self, starts_cold: bool) -> Result<Environment, ScenarioError> {
         let (world, entered) = self.world(starts_cold)?;
         let (faults, ties) = (faults(&self.sim), self.shuffle_ties.then_some(self.noise));
-        Ok(Environment::new(world, self.noise, faults, ties).with_persons_outside(entered))
+        let environment = Environment::new(world, self.noise, faults, ties);
+        Ok(environment
+            .with_persons_outside(entered)
+            .with_walking(self.walking()))
     }
 
     fn world(&self, starts_cold: bool) -> Result<(World, Option<WorldContents>), ScenarioError> {

@@ -43,6 +43,8 @@ pub fn person(person: &config::Person) -> Person {
         radius_m,
         height_m,
         db_per_m,
+        path: _,
+        speed_mps: _,
     } = person.clone();
     Person {
         name,

@@ -12,6 +12,7 @@ use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
 use super::deviation::{PosteriorInputs, posterior_deviation};
 use super::finds::{Driven, Finds, find_persons};
+use super::imaged_links::ImagedLink;
 use super::map_solver::{MapProblem, MapSettings, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
@@ -66,6 +67,8 @@ pub struct Extras {
     pub deviation: Option<usize>,
     /// The pixel whose links are asked for; only the solver `map` knows them.
     pub shares_of: Option<usize>,
+    /// Whether the links come with it as the image explains them.
+    pub links: bool,
 }
 
 /// An image and how it came about.
@@ -93,6 +96,9 @@ pub struct Reconstruction {
     pub shares: Option<PixelShares>,
     /// Why this image and no other, when the solver chose.
     pub choice: Option<Choice>,
+    /// The links used, when they were wanted; recordings leave them out.
+    #[serde(skip)]
+    pub links: Option<Vec<ImagedLink>>,
 }
 
 /// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
@@ -250,6 +256,9 @@ impl Imager {
             grid: self.settings.grid,
             values,
         };
+        let links = extras
+            .links
+            .then(|| ImagedLink::all(&calibrated.observations, &residual_db));
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
         let mut peaks = peaks(&image, self.settings.peaks);
         if let Some(drawn) = finds.as_ref().filter(|_| solved.are_persons_drawn) {
@@ -268,6 +277,7 @@ impl Imager {
             deviation,
             shares,
             choice: solved.choice,
+            links,
         })
     }
 

@@ -5,8 +5,12 @@ use super::Image;
 /// Returns the bytes of a `.npy` file: little-endian f32, C order, shape (rows, columns), rows from south to north.
 pub fn npy_bytes(image: &Image) -> Vec<u8> {
     let (rows, columns) = (image.grid.rows, image.grid.columns);
-    let mut header =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
+    npy_of(&format!("{rows}, {columns}"), &image.values)
+}
+
+/// Returns the bytes of such a file for values of any shape, written as its numbers with commas between.
+pub fn npy_of(shape: &str, values: &[f64]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
     // Magic (6), version (2) and length (2) come before; the data begin at a multiple of 64.
     let padding = 63 - (10 + header.len()) % 64;
     header.push_str(&" ".repeat(padding));
@@ -15,8 +19,7 @@ pub fn npy_bytes(image: &Image) -> Vec<u8> {
     bytes.extend((header.len() as u16).to_le_bytes());
     bytes.extend(header.as_bytes());
     bytes.extend(
-        image
-            .values
+        values
             .iter()
             .flat_map(|value| (*value as f32).to_le_bytes()),
     );

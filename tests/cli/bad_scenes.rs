@@ -381,3 +381,22 @@ fn bodies_of_the_scene_file_are_refused_with_key_and_line() {
         );
     }
 }
+
+#[test]
+fn who_walks_through_a_wall_or_over_the_fence_is_refused() {
+    for (path, part) in [
+        (
+            "[[3.0, 4.5]]",
+            "m from an object; at least the radius of 0.3 m is needed",
+        ),
+        ("[[1.5, 90.0]]", "outside the fence of the venue"),
+    ] {
+        let runner = ProgramRunner::new();
+        let person = format!("[[person]]\nname = \"ada\"\nat_m = [1.5, 1.5]\npath_m = {path}\n");
+        runner.write("small.scene.toml", format!("{SCENE}{person}"));
+        for command in ["check", "sim"] {
+            let parts = ["scene: person ada walks at (", part];
+            runner.refused(&[command, "small.sim.toml"], &parts);
+        }
+    }
+}

@@ -94,11 +94,15 @@ fn a_summary_holds_what_was_promised() {
     }
     let names = runner.names_in("run");
     let expected = [
+        "coverage.png",
+        "deviation.png",
         "empty.csv",
         "image.npy",
         "image.png",
         "links.csv",
+        "links.png",
         "map.png",
+        "residuals.png",
         "run.log",
         "structure.npy",
         "structure.png",

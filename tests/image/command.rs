@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 const HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm\n";
 
-fn tomoswarm(folder: &Path, arguments: &[&str]) -> Output {
+pub(super) fn tomoswarm(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
         .arg("image")
         .args(arguments)
@@ -18,7 +18,7 @@ fn tomoswarm(folder: &Path, arguments: &[&str]) -> Output {
 }
 
 /// Links between opposite sides of a 10 m square; a person at (x, y) takes 8 dB.
-fn sweep(person: Option<(f64, f64)>) -> String {
+pub(super) fn sweep(person: Option<(f64, f64)>) -> String {
     let ring: Vec<(f64, f64)> = (0..40)
         .map(|k| match (k / 10, f64::from(k % 10)) {
             (0, s) => (s, 0.0),
@@ -41,7 +41,7 @@ fn sweep(person: Option<(f64, f64)>) -> String {
     text
 }
 
-fn folder_with(files: &[(&str, &str)]) -> TempDir {
+pub(super) fn folder_with(files: &[(&str, &str)]) -> TempDir {
     let folder = TempDir::new().unwrap();
     files
         .iter()
@@ -49,7 +49,7 @@ fn folder_with(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
-fn names(folder: &Path) -> Vec<String> {
+pub(super) fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -226,7 +226,10 @@ fn bad_lines_are_named() {
         &format!("{HEADER}0,0,10,0,4,-60\n0,0,0,10,4,-60\n"),
         &["no link can be imaged", "2 along one side"],
     );
-    check_refused(&format!("{HEADER}0,0,10,0,4,-60\n"), &["area"]);
+    check_refused(
+        &format!("{HEADER}0,0,10,0,4,-60\n0,0,9,0,4,-60\n"),
+        &["area"],
+    );
 }
 
 #[test]

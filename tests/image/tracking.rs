@@ -53,6 +53,7 @@ fn in_a_real_recording_one_person_walks_the_same_square_twice() {
     let text = fs::read_to_string(track).unwrap();
     let lines: Vec<Vec<f64>> = text
         .lines()
+        .filter(|line| !line.starts_with('#'))
         .skip(1)
         .map(|line| {
             line.split(',')

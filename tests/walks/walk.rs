@@ -184,7 +184,8 @@ impl Walk {
         for half in (2.0 * SETTLED_S) as u64..(2.0 * last_s) as u64 {
             times.insert(half, Vec::new());
         }
-        for line in track.lines().skip(1) {
+        let lines = track.lines().filter(|line| !line.starts_with('#'));
+        for line in lines.skip(1) {
             let fields: Vec<f64> = line
                 .split(',')
                 .map(|field| field.parse().unwrap())

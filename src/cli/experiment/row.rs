@@ -75,9 +75,24 @@ pub(super) struct RunRow {
     pub(super) path_m: f64,
     /// Smallest distance between a body and an object, metres; `None` in an empty scene.
     pub(super) clearance_m: Option<f64>,
+    /// Persons of the scene, where the change since an empty sweep was imaged.
+    #[serde(default)]
+    pub(super) persons: usize,
+    /// How many of them were found within a metre.
+    #[serde(default)]
+    pub(super) persons_found: usize,
+    /// Finds that are nobody within a metre.
+    #[serde(default)]
+    pub(super) false_finds: usize,
+    /// Root mean square of how far the finds of persons are off, metres; `None` when nobody was found.
+    #[serde(default)]
+    pub(super) find_error_m: Option<f64>,
     /// Hash over the run's log.
     pub(super) log_hash: String,
 }
+
+/// A find farther than this from everybody is nobody, metres.
+const NEAR_M: f64 = 1.0;
 
 impl RunRow {
     /// Makes the row of a run that came to no outcome.
@@ -101,6 +116,10 @@ impl RunRow {
             false_no_way: 0,
             path_m: 0.0,
             clearance_m: None,
+            persons: 0,
+            persons_found: 0,
+            false_finds: 0,
+            find_error_m: None,
             log_hash: String::new(),
         }
     }
@@ -110,6 +129,14 @@ impl RunRow {
         let tracks = || outcome.tracks.iter().map(|(_, track)| track.as_slice());
         let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
         let places = seen.count_places(&outcome.places);
+        let (found, is_imaged) = (outcome.found(), outcome.change.is_some());
+        let errors_m: Vec<f64> = found
+            .iter()
+            .filter_map(|find| find.error_m.filter(|error_m| *error_m <= NEAR_M))
+            .collect();
+        let squares: f64 = errors_m.iter().map(|error_m| error_m * error_m).sum();
+        let is_found = |at: Point| found.iter().any(|find| find.at.distance_to(at) <= NEAR_M);
+        let persons_found = outcome.persons.iter().filter(|person| is_found(person.at));
         RunRow {
             run,
             end: if outcome.finished {
@@ -135,6 +162,10 @@ impl RunRow {
                 .map(length_m)
                 .fold(0.0, |sum, length_m| sum + length_m),
             clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks()),
+            persons: if is_imaged { outcome.persons.len() } else { 0 },
+            persons_found: persons_found.count(),
+            false_finds: found.len() - errors_m.len(),
+            find_error_m: (!errors_m.is_empty()).then(|| (squares / errors_m.len() as f64).sqrt()),
             log_hash: format!("{:016x}", log::hash(outcome.log.bytes().map(u64::from))),
         }
     }
@@ -149,7 +180,7 @@ impl RunRow {
         share(self.route_detected_cells, self.route_cells)
     }
 
-    fn fields(&self) -> [String; 20] {
+    fn fields(&self) -> [String; 24] {
         let percent =
             |share: Option<f64>| share.map_or(String::new(), |share| format!("{share:.4}"));
         [
@@ -173,12 +204,17 @@ impl RunRow {
             format!("{:.2}", self.path_m),
             self.clearance_m
                 .map_or(String::new(), |metres| format!("{metres:.3}")),
+            self.persons.to_string(),
+            self.persons_found.to_string(),
+            self.false_finds.to_string(),
+            self.find_error_m
+                .map_or(String::new(), |metres| format!("{metres:.3}")),
             self.log_hash.clone(),
         ]
     }
 }
 
-const FIELDS: [&str; 20] = [
+const FIELDS: [&str; 24] = [
     "end",
     "why",
     "mission_end",
@@ -198,6 +234,10 @@ const FIELDS: [&str; 20] = [
     "false_no_way",
     "path_m",
     "min_clearance_m",
+    "persons",
+    "persons_found",
+    "false_finds",
+    "find_error_m",
     "log_hash",
 ];
 

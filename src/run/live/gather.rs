@@ -188,6 +188,7 @@ fn picture(stored: &StoredImage) -> Reconstruction {
         deviation: None,
         shares: None,
         choice: None,
+        links: None,
     }
 }
 

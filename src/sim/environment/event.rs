@@ -40,6 +40,8 @@ pub(super) enum PendingEvent {
     Silence { vehicle: usize },
     /// The battery of a vehicle has a charge at once, 0 to 1.
     Charge { vehicle: VehicleId, charge: f64 },
+    /// Persons have walked on.
+    Walk,
 }
 
 /// What the environment says. Vehicles are named by their index.

@@ -276,6 +276,7 @@ fn picture(laps: usize) -> ReconstructedImage {
         deviation: None,
         shares: None,
         choice: None,
+        links: None,
         image,
         peaks,
         residual_rms_db: 1.5,

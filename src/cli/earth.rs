@@ -1,19 +1,32 @@
-//! Stored data as text for other programs: what lies where on the earth, as world files and GeoJSON. Gives text, and writes no
-//! files; samples, links, images and pictures have their own writers.
+//! What lies where on the earth, as world files and GeoJSON. Gives text, and writes no files; samples, links, images and
+//! pictures have their own writers.
 
 use serde_json::{Value, json};
 
-use super::ground::StoredImage;
 use crate::config::Venue;
 use crate::geom::{Point, TangentPlane};
+#[cfg(feature = "net")]
 use crate::ground::MeasuredSample;
+use crate::tomo::{Find, Finds, Peak};
+
+/// An image whose peaks and finds are shown.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MadeImage<'a> {
+    /// What it shows, and of which run after how many laps, as far as that is known.
+    pub(super) says: &'a Value,
+    /// Its strong places, strongest first.
+    pub(super) peaks: &'a [Peak],
+    /// Who was found in it.
+    pub(super) finds: Option<&'a Finds>,
+}
 
 /// Points of a track that lie nearer than this to the one before are left out, metres.
+#[cfg(feature = "net")]
 const TRACK_STEP_M: f64 = 0.05;
 
 /// Where a picture's pixels lie on the earth, as a world file says it (degrees, WGS84): `corner` is the local place of the
 /// upper left corner of the picture, rows run against y.
-pub fn world_file(plane: &TangentPlane, corner: Point, metres_per_px: f64) -> String {
+pub(super) fn world_file(plane: &TangentPlane, corner: Point, metres_per_px: f64) -> String {
     // A world file is linear, degrees of longitude are not: 2 mm are lost over 100 m, 0.2 m over 1 km.
     const SPAN_PX: f64 = 500.0;
     let place = |x_px: f64, y_px: f64| {
@@ -40,14 +53,14 @@ pub fn world_file(plane: &TangentPlane, corner: Point, metres_per_px: f64) -> St
 
 /// What a GeoJSON file is made of, one thing after another (RFC 7946: WGS84, longitude before latitude).
 #[derive(Debug)]
-pub struct Features {
+pub(super) struct Features {
     plane: TangentPlane,
     list: Vec<Value>,
 }
 
 impl Features {
     /// Begins with what the venue says: area, fence, homes.
-    pub fn of_venue(venue: &Venue) -> Features {
+    pub(super) fn of_venue(venue: &Venue) -> Features {
         let mut features = Features {
             plane: venue.plane(),
             list: Vec::new(),
@@ -70,40 +83,43 @@ impl Features {
         features
     }
 
-    /// Adds the peaks of a picture.
-    pub fn peaks(&mut self, run: u32, made: &StoredImage) {
+    /// Adds the peaks and the finds of an image.
+    pub(super) fn image(&mut self, made: MadeImage<'_>) {
         for (index, peak) in made.peaks.iter().enumerate() {
             let says = json!({
-                "what": "peak", "run": run, "kind": made.kind, "laps": made.laps, "rank": index + 1,
-                "strength_db_per_m": peak.strength, "significance": peak.significance,
+                "what": "peak", "rank": index + 1, "strength_db_per_m": peak.strength,
+                "significance": peak.significance.min(1e9),
             });
-            self.add(Shape::Point(peak.at), says);
+            self.add(Shape::Point(peak.at), joined(made.says, says));
         }
-    }
-
-    /// Adds who was found in a picture.
-    pub fn finds(&mut self, run: u32, made: &StoredImage) {
-        let found = made.finds.as_ref().map_or(&[][..], |finds| &finds.found);
+        let found = made.finds.map_or(&[][..], |finds| &finds.found);
         for (index, find) in found.iter().enumerate() {
-            let [xx, xy, yy] = find.covariance_m2;
+            let Find {
+                at,
+                strength,
+                covariance_m2: [xx, xy, yy],
+                evidence,
+                probability,
+                ..
+            } = find;
             let says = json!({
-                "what": "find", "run": run, "kind": made.kind, "laps": made.laps, "rank": index + 1,
-                "strength_db_per_m": find.strength, "evidence": find.evidence,
-                "probability": find.probability, "covariance_m2": [[xx, xy], [xy, yy]],
+                "what": "find", "rank": index + 1, "strength_db_per_m": strength, "evidence": evidence,
+                "probability": probability, "covariance_m2": [[xx, xy], [xy, yy]],
             });
-            self.add(Shape::Point(find.at), says);
+            self.add(Shape::Point(*at), joined(made.says, says));
         }
     }
 
     /// Adds where a vehicle drove.
-    pub fn track(&mut self, says: Value, points: &[Point]) {
+    #[cfg(feature = "net")]
+    pub(super) fn track(&mut self, says: Value, points: &[Point]) {
         if points.len() > 1 {
             self.add(Shape::Line(points.to_vec()), says);
         }
     }
 
     /// Returns the file.
-    pub fn text(self) -> String {
+    pub(super) fn text(self) -> String {
         format!(
             "{}\n",
             json!({"type": "FeatureCollection", "features": self.list})
@@ -119,6 +135,7 @@ impl Features {
         let places = |points: &[Point]| points.iter().map(place).collect::<Vec<_>>();
         let geometry = match &shape {
             Shape::Point(point) => json!({"type": "Point", "coordinates": place(point)}),
+            #[cfg(feature = "net")]
             Shape::Line(points) => json!({"type": "LineString", "coordinates": places(points)}),
             Shape::Ring(points) => json!({"type": "Polygon", "coordinates": [places(points)]}),
         };
@@ -127,9 +144,17 @@ impl Features {
     }
 }
 
+/// Returns the keys of two objects as one.
+fn joined(one: &Value, other: Value) -> Value {
+    let objects = [one.clone(), other].into_iter();
+    let keys = objects.filter_map(|object| object.as_object().cloned());
+    Value::Object(keys.flatten().collect())
+}
+
 /// A shape in the local frame.
 enum Shape {
     Point(Point),
+    #[cfg(feature = "net")]
     Line(Vec<Point>),
     /// The first corner is also the last.
     Ring(Vec<Point>),
@@ -140,7 +165,8 @@ fn polygon(corners: &[Point]) -> Shape {
 }
 
 /// Adds where the receiver was to its track, unless it has hardly moved.
-pub fn extend_track(track: &mut Vec<Point>, stored: &MeasuredSample) {
+#[cfg(feature = "net")]
+pub(super) fn extend_track(track: &mut Vec<Point>, stored: &MeasuredSample) {
     let at = Point::from(stored.sample.receiver_pose.at);
     if at.is_finite()
         && track

@@ -1,0 +1,120 @@
+//! Where `tomoswarm image` finds a recording: in a file, in the folder of a run, or as a run of a ground station's store.
+
+use std::path::{Path, PathBuf};
+
+use super::error::CliError;
+use super::read;
+
+/// The sweep of a run in its folder, and the empty one.
+const SWEEP: &str = "links.csv";
+const EMPTY: &str = "empty.csv";
+
+/// Returns the recording of a sweep: the file itself, or that of a run's folder.
+///
+/// # Errors
+/// A folder of something else.
+pub(super) fn sweep_of(path: &Path) -> Result<PathBuf, CliError> {
+    in_folder(path, SWEEP)
+}
+
+/// Returns the recording of an empty sweep: the file itself, the sweep of an earlier run in its folder, or the empty sweep of the
+/// run that is imaged.
+///
+/// # Errors
+/// A folder of something else, or of a run without an empty sweep.
+pub(super) fn empty_of(path: &Path, imaged: &[PathBuf]) -> Result<PathBuf, CliError> {
+    let real = |path: &Path| path.canonicalize().ok();
+    let folder_of = |file: &PathBuf| match file.is_dir() {
+        true => real(file),
+        false => real(file).and_then(|file| file.parent().map(Path::to_owned)),
+    };
+    let is_same_run = path.is_dir() && imaged.iter().any(|file| folder_of(file) == real(path));
+    in_folder(path, if is_same_run { EMPTY } else { SWEEP })
+}
+
+fn in_folder(path: &Path, name: &str) -> Result<PathBuf, CliError> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    let file = path.join(name);
+    if file.is_file() {
+        return Ok(file);
+    }
+    Err(CliError::Input {
+        path: path.to_owned(),
+        reason: format!(
+            "found a folder without {name}, expected a recording or the folder of a run"
+        ),
+    })
+}
+
+/// Returns the text of a recording.
+///
+/// # Errors
+/// It cannot be read.
+pub(super) fn text(path: &Path) -> Result<String, CliError> {
+    #[cfg(feature = "net")]
+    if let Some((store, run)) = stored(path) {
+        return samples_of(&store, run);
+    }
+    read::text(path)
+}
+
+/// Returns store and run of a name such as `swarm.db:3`, when no file has this name.
+#[cfg(feature = "net")]
+fn stored(path: &Path) -> Option<(PathBuf, u32)> {
+    let (store, run) = path.to_str()?.rsplit_once(':')?;
+    let run = run.parse().ok()?;
+    (!path.exists() && Path::new(store).is_file()).then(|| (PathBuf::from(store), run))
+}
+
+/// Returns the samples of a stored run as a recording.
+#[cfg(feature = "net")]
+fn samples_of(path: &Path, run: u32) -> Result<String, CliError> {
+    use super::samples_csv::{SAMPLES_HEADER, sample_line};
+    use crate::store::ground::GroundStore;
+    let store = GroundStore::open_to_read(path)?;
+    let run = tomoswarm_proto::RunId(run);
+    let known = store.runs()?;
+    if !known.iter().any(|known| known.run == run) {
+        let known: Vec<String> = known.iter().map(|known| known.run.to_string()).collect();
+        return Err(CliError::Input {
+            path: path.to_owned(),
+            reason: format!("holds no run {run}; it holds runs {}", known.join(", ")),
+        });
+    }
+    let mut text = format!("{SAMPLES_HEADER}\n");
+    store.each_sample(Some(run), |stored| sample_line(&mut text, &stored))?;
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::slice;
+
+    use super::*;
+
+    #[test]
+    fn a_folder_is_the_sweep_of_its_run_and_of_the_imaged_run_the_empty_one() {
+        let root = tempfile::tempdir().unwrap();
+        let [one, two] = ["one", "two"].map(|name| root.path().join(name));
+        for folder in [&one, &two] {
+            std::fs::create_dir(folder).unwrap();
+            std::fs::write(folder.join(SWEEP), "").unwrap();
+        }
+        std::fs::write(one.join(EMPTY), "").unwrap();
+        assert_eq!(sweep_of(&one).unwrap(), one.join(SWEEP));
+        for imaged in [one.clone(), one.join(SWEEP)] {
+            assert_eq!(
+                empty_of(&one, slice::from_ref(&imaged)).unwrap(),
+                one.join(EMPTY)
+            );
+            assert_eq!(empty_of(&two, &[imaged]).unwrap(), two.join(SWEEP));
+        }
+        let file = one.join("any.csv");
+        assert_eq!(empty_of(&file, &[one]).unwrap(), file);
+        let error = empty_of(&two, slice::from_ref(&two)).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("without empty.csv"), "{error}");
+    }
+}

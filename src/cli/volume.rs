@@ -1,0 +1,293 @@
+//! `tomoswarm image --layers N`: an image in three dimensions, of links whose ends have heights.
+//!
+//! Files in, files out; the work is done by `tomo::reconstruct_volume`.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::error::CliError;
+use super::image::{ImageCommand, bounds, read_with};
+use super::outputs::{PendingFile, about};
+use super::recording::{Recording, read_recording};
+use crate::config::SourceFile;
+use crate::draw::{DrawError, HeatMap, Picture, described};
+use crate::geom::{PixelGrid, Point, Rect};
+use crate::tomo::{
+    ImagingSettings, MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeLink, VolumePrior, VoxelGrid,
+    reconstruct_volume,
+};
+
+/// Voxels along the longer side, unless it is said.
+const VOXELS: f64 = 20.0;
+/// Standard deviation of a packet, and of a link between two sweeps, dB.
+const PACKET_SD_DB: f64 = 2.5;
+const LINK_SD_DB: f64 = 1.1;
+/// Layers beside each other in the picture.
+const BESIDE: usize = 3;
+
+/// Reads two recordings with heights, makes the volume, writes it, and prints a summary.
+///
+/// # Errors
+/// Recordings without heights or a partner, what no volume has, and files that cannot be read or written.
+pub(super) fn run(
+    command: &ImageCommand,
+    layers: usize,
+    out: &mut dyn Write,
+) -> Result<(), CliError> {
+    check_options(command)?;
+    let mut made_from = Vec::new();
+    let now = read(&command.files, "FILE", &mut made_from)?;
+    let empty = read(&command.empty, "--empty", &mut made_from)?;
+    let links = calibrated(&now, &empty);
+    let refused = |reason: String| CliError::Input {
+        path: command.files[0].clone(),
+        reason,
+    };
+    if links.is_empty() {
+        let reason =
+            "found no link that the empty sweep has as well, expected the same places in both";
+        return Err(refused(reason.to_owned()));
+    }
+    let grid = grid_of(command, &now, layers)?;
+    let length_m = ImagingSettings::prior_for(area_of(&grid)).length_m;
+    let prior = VolumePrior {
+        variance: ImagingSettings::prior_for(area_of(&grid)).variance,
+        length_m,
+        height_m: length_m,
+    };
+    let volume = reconstruct_volume(&links, grid, prior).ok_or_else(|| {
+        refused(format!(
+            "found {} links and {} voxels without a volume, expected links through it, at most \
+             {MOST_VOLUME_LINKS}, and at most {MOST_VOXELS} voxels",
+            links.len(),
+            grid.voxels()
+        ))
+    })?;
+    write(command, &volume, links.len(), &made_from)?;
+    let [x_m, y_m, z_m] = grid.centre(volume.strongest());
+    let text = format!(
+        "links: {}, residual {:.2} dB\nstrongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {:.2} dB/m\n",
+        links.len(),
+        volume.residual_rms_db,
+        volume.values[volume.strongest()]
+    );
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    written.map_err(|source| CliError::Write {
+        path: "standard output".into(),
+        source,
+    })
+}
+
+/// Refuses what volumes do not have.
+fn check_options(command: &ImageCommand) -> Result<(), CliError> {
+    let given = [
+        ("--solver", command.solver.is_some()),
+        ("--weights", command.weights.is_some()),
+        ("--why", command.why.is_some()),
+        ("--deviation", command.deviation.is_some()),
+        ("--coverage", command.coverage.is_some()),
+        ("--links", command.links.is_some()),
+        ("--residuals", command.residuals.is_some()),
+        ("--progress", command.progress.is_some()),
+        ("--venue", command.venue.is_some()),
+        ("--nodes", command.nodes.is_some()),
+    ];
+    match given.iter().find(|(_, is_given)| *is_given) {
+        Some((option, _)) => Err(CliError::Usage(format!("{option} is not for --layers"))),
+        None => Ok(()),
+    }
+}
+
+/// Reads the one recording of a sweep, which must have heights.
+fn read(
+    paths: &[PathBuf],
+    option: &str,
+    made_from: &mut Vec<SourceFile>,
+) -> Result<Recording, CliError> {
+    let [path] = paths else {
+        let reason = format!(
+            "--layers: found {} recordings as {option}, expected one",
+            paths.len()
+        );
+        return Err(CliError::Usage(reason));
+    };
+    let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
+    if recording.heights_m.len() != recording.links.len() {
+        return Err(CliError::Input {
+            path: path.clone(),
+            reason: "found links without heights, expected the columns tx_z_m and rx_z_m"
+                .to_owned(),
+        });
+    }
+    Ok(recording)
+}
+
+type Key = [[i64; 3]; 2];
+
+/// Returns both ends of the links of a recording, with which millimetres they stand at, whichever comes first.
+fn ends(recording: &Recording) -> impl Iterator<Item = ([[f64; 3]; 2], Key)> + '_ {
+    let of_link = move |(index, (from_z_m, to_z_m)): (usize, &(f64, f64))| {
+        let link = &recording.links[index];
+        let ends = [
+            [link.from.x_m, link.from.y_m, *from_z_m],
+            [link.to.x_m, link.to.y_m, *to_z_m],
+        ];
+        let mut key = ends.map(|end| end.map(|metres| libm::round(metres * 1e3) as i64));
+        key.sort_unstable();
+        (ends, key)
+    };
+    recording.heights_m.iter().enumerate().map(of_link)
+}
+
+/// Returns what the links have lost that were heard in both sweeps between the same places.
+fn calibrated(now: &Recording, empty: &Recording) -> Vec<VolumeLink> {
+    let keys = ends(empty).map(|(_, key)| key);
+    let partners: BTreeMap<Key, usize> = keys.zip(0..).collect();
+    let of_link = |(index, (ends, key)): (usize, ([[f64; 3]; 2], Key))| {
+        let link = &now.links[index];
+        let partner = &empty.links[*partners.get(&key)?];
+        let is_heard = link.packets > 0 && partner.packets > 0;
+        let packets = 1.0 / f64::from(link.packets) + 1.0 / f64::from(partner.packets);
+        is_heard.then(|| VolumeLink {
+            from_m: ends[0],
+            to_m: ends[1],
+            attenuation_db: partner.mean_dbm - link.mean_dbm,
+            sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
+        })
+    };
+    ends(now).enumerate().filter_map(of_link).collect()
+}
+
+fn area_of(grid: &VoxelGrid) -> Rect {
+    let corner = |at: [f64; 3]| Point::new(at[0], at[1]);
+    Rect::new(corner(grid.low_m), corner(grid.high_m))
+}
+
+fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<VoxelGrid, CliError> {
+    let around = || bounds(now.links.iter());
+    let area = command.area.or(now.area).unwrap_or_else(around);
+    let heights = || {
+        now.heights_m
+            .iter()
+            .flat_map(|(from_m, to_m)| [*from_m, *to_m])
+    };
+    let low_m = heights().fold(f64::INFINITY, f64::min);
+    let high_m = heights().fold(f64::NEG_INFINITY, f64::max);
+    let longer_m = area.width_m().max(area.height_m());
+    let count = |side_m: f64| (libm::round(VOXELS * side_m / longer_m) as usize).max(1);
+    let flat = (
+        area.width_m() > 0.0 && area.height_m() > 0.0,
+        high_m > low_m,
+    );
+    if flat != (true, true) {
+        let reason = format!(
+            "found links within {} x {} x {} m, expected a volume",
+            area.width_m(),
+            area.height_m(),
+            high_m - low_m
+        );
+        return Err(CliError::Input {
+            path: command.files[0].clone(),
+            reason,
+        });
+    }
+    let usual = (count(area.width_m()), count(area.height_m()));
+    let (columns, rows) = command.pixels.unwrap_or(usual);
+    Ok(VoxelGrid {
+        low_m: [area.min.x_m, area.min.y_m, low_m],
+        high_m: [area.max.x_m, area.max.y_m, high_m],
+        counts: [columns, rows, layers],
+    })
+}
+
+/// Writes what is asked for: all files, or none.
+fn write(
+    command: &ImageCommand,
+    volume: &Volume,
+    links: usize,
+    made_from: &[SourceFile],
+) -> Result<(), CliError> {
+    let mut files = Vec::new();
+    type Bytes<'a> = &'a dyn Fn() -> Result<Vec<u8>, CliError>;
+    let mut add = |path: &Option<PathBuf>, bytes: Bytes<'_>| -> Result<(), CliError> {
+        let Some(path) = path else { return Ok(()) };
+        let mut file = PendingFile::open(path)?;
+        file.fill(&bytes()?)?;
+        files.push(file);
+        Ok(())
+    };
+    add(&command.npy, &|| Ok(npy(volume)))?;
+    add(&command.png, &|| {
+        let slices = slices(volume).map_err(|error| CliError::Fault(error.to_string()))?;
+        Ok(described(slices, &about(made_from)))
+    })?;
+    add(&command.json, &|| {
+        let grid = volume.grid;
+        let strongest = volume.strongest();
+        let report = json!({
+            "links": links,
+            "residual_db": volume.residual_rms_db,
+            "low_m": grid.low_m,
+            "high_m": grid.high_m,
+            "voxels": grid.counts,
+            "strongest": { "at_m": grid.centre(strongest), "strength": volume.values[strongest] },
+            "version": env!("CARGO_PKG_VERSION"),
+            "made_from": made_from,
+        });
+        Ok(format!("{report:#}\n").into_bytes())
+    })?;
+    Ok(files.into_iter().try_for_each(PendingFile::finish)?)
+}
+
+/// Returns the values for NumPy: f32, layers from below, rows from the south, columns from the west.
+fn npy(volume: &Volume) -> Vec<u8> {
+    let [columns, rows, layers] = volume.grid.counts;
+    crate::tomo::npy_of(&format!("{layers}, {rows}, {columns}"), &volume.values)
+}
+
+/// Returns a picture of all layers in the same colours, the lowest first.
+fn slices(volume: &Volume) -> Result<Vec<u8>, DrawError> {
+    let [columns, rows, layers] = volume.grid.counts;
+    let top = volume.values.iter().copied().fold(0.0, f64::max);
+    let grid = PixelGrid {
+        area: area_of(&volume.grid),
+        columns,
+        rows,
+    };
+    let slice = |layer: usize| {
+        let low_m = volume.grid.low_m[2] + layer as f64 * volume.grid.side_m(2);
+        Picture::of_heat(&HeatMap {
+            title: format!("{low_m:.2} to {:.2} m high", low_m + volume.grid.side_m(2)),
+            grid,
+            values: volume.layer(layer),
+            unit: "dB/m",
+            length_unit: "m",
+            overlays: Vec::new(),
+            range: (top > 0.0).then_some((0.0, top)),
+        })
+    };
+    let all = (0..layers)
+        .map(slice)
+        .collect::<Result<Vec<Picture>, _>>()?;
+    Picture::tiled(&all, BESIDE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_are_paired_by_their_places_whichever_end_comes_first() {
+        let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm\n";
+        let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
+        let now = recorded("0,0,1,9,0,2,4,-66\n0,5,1,9,5,2,4,-60\n0,0,1,9,0,3,4,-61\n");
+        let empty = recorded("9,0,2,0,0,1,4,-60\n0,5,1,9,5,2,4,-60\n");
+        let links = calibrated(&now, &empty);
+        let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+        assert_eq!(losses, [6.0, 0.0]);
+        assert_eq!(links[0].to_m, [9.0, 0.0, 2.0]);
+    }
+}

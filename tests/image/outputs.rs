@@ -1,0 +1,232 @@
+//! What the `image` command writes beside image and report, and what it refuses to make an image of.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::command::{folder_with, names, sweep, tomoswarm};
+
+/// The sweep of a person as single packets.
+fn samples(person: Option<(f64, f64)>, channel: u8) -> String {
+    samples_at(0.0, person, channel)
+}
+
+/// The same so many metres farther east.
+fn samples_at(east_m: f64, person: Option<(f64, f64)>, channel: u8) -> String {
+    let mut text = "run,tx_x_m,tx_y_m,rx_x_m,rx_y_m,channel,rssi_dbm\n".to_owned();
+    for line in sweep(person).lines().skip(1) {
+        let fields: Vec<f64> = line
+            .split(',')
+            .map(|field| field.parse().unwrap())
+            .collect();
+        let (tx_x_m, rx_x_m) = (fields[0] + east_m, fields[2] + east_m);
+        let (tx_y_m, rx_y_m, strength_dbm) = (fields[1], fields[3], fields[5]);
+        text += &format!("2,{tx_x_m},{tx_y_m},{rx_x_m},{rx_y_m},{channel},{strength_dbm:.0}\n");
+    }
+    text
+}
+
+fn check_refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
+    let folder = folder_with(files);
+    let before = names(folder.path());
+    let outputs = ["--png", "o.png", "--json", "o.json"];
+    let output = tomoswarm(folder.path(), &[arguments, &outputs].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    for word in words {
+        assert!(message.contains(word), "no {word:?} in {message:?}");
+    }
+    assert_eq!(names(folder.path()), before);
+}
+
+fn is_png(folder: &Path, name: &str) -> bool {
+    fs::read(folder.join(name)).unwrap().starts_with(b"\x89PNG")
+}
+
+#[test]
+fn what_is_behind_an_image_is_drawn_and_says_what_it_is_made_from() {
+    let folder = folder_with(&[
+        ("now.csv", &samples(Some((6.0, 4.0)), 11)),
+        ("empty.csv", &samples(None, 11)),
+    ]);
+    let output = tomoswarm(
+        folder.path(),
+        &[
+            "now.csv",
+            "--empty",
+            "empty.csv",
+            "--solver",
+            "map",
+            "--coverage",
+            "coverage.png",
+            "--links",
+            "links.png",
+            "--residuals",
+            "residuals.png",
+            "--progress",
+            "progress.png",
+        ],
+    );
+    assert!(output.status.success(), "{output:?}");
+    for name in ["coverage.png", "links.png", "residuals.png", "progress.png"] {
+        assert!(is_png(folder.path(), name), "{name}");
+        let bytes = fs::read(folder.path().join(name)).unwrap();
+        let text = String::from_utf8_lossy(&bytes);
+        assert!(text.contains("from now.csv (SHA-256 "), "{name}");
+        assert_eq!(text.contains("acTL"), name == "progress.png", "{name}");
+    }
+}
+
+#[test]
+fn a_venue_says_where_on_the_earth_the_image_lies() {
+    let venue = include_str!("../../configs/courtyard.venue.toml");
+    let folder = folder_with(&[("now.csv", &sweep(Some((6.0, 4.0)))), ("venue.toml", venue)]);
+    let asked = ["now.csv", "--solver", "map", "--venue", "venue.toml"];
+    let outputs = ["--png", "now.png", "--geojson", "now.geojson"];
+    let output = tomoswarm(folder.path(), &[&asked[..], &outputs].concat());
+    assert!(output.status.success(), "{output:?}");
+    let world = fs::read_to_string(folder.path().join("now.pgw")).unwrap();
+    assert_eq!(world.lines().count(), 6);
+    let text = fs::read_to_string(folder.path().join("now.geojson")).unwrap();
+    let file: Value = serde_json::from_str(&text).unwrap();
+    let features = file["features"].as_array().unwrap();
+    let peak = features
+        .iter()
+        .find(|feature| feature["properties"]["what"] == "peak")
+        .unwrap();
+    let latitude = peak["geometry"]["coordinates"][1].as_f64().unwrap();
+    // 4 m north of the datum; a degree of latitude has 111 260 m there.
+    assert!(
+        (latitude - 52.3702 - 4.0 / 111_260.0).abs() < 1e-5,
+        "{latitude}"
+    );
+}
+
+#[test]
+fn an_empty_sweep_of_another_place_or_channel_is_refused() {
+    let now = samples(Some((6.0, 4.0)), 11);
+    let far = samples_at(500.0, None, 11);
+    let files = [("now.csv", now.as_str()), ("far.csv", far.as_str())];
+    let words = [
+        "far.csv: found links from",
+        "expected an empty sweep of the same place",
+    ];
+    check_refused(&files, &["now.csv", "--empty", "far.csv"], &words);
+    let other = samples(None, 26);
+    let files = [("now.csv", now.as_str()), ("other.csv", other.as_str())];
+    let words = ["other.csv: found channel 26, expected an empty sweep on channel 11"];
+    check_refused(&files, &["now.csv", "--empty", "other.csv"], &words);
+}
+
+#[test]
+fn what_makes_no_image_is_refused_with_the_reason() {
+    let header = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm\n";
+    let one = format!("{header}0,0,10,10,5,-60\n");
+    let words = ["one.csv: found 1 link, expected several"];
+    check_refused(&[("one.csv", &one)], &["one.csv"], &words);
+    let sides = format!("{header}0,0,10,0,5,-60\n0,10,10,10,5,-61\n0,0,0,10,5,-60\n");
+    let words = ["sides.csv: no link can be imaged", "3 along one side"];
+    check_refused(&[("sides.csv", &sides)], &["sides.csv"], &words);
+    let line = format!("{header}0,0,10,0,5,-60\n0,0,9,0,5,-61\n");
+    let words = ["line.csv: ", "on an area of positive size"];
+    check_refused(&[("line.csv", &line)], &["line.csv"], &words);
+    let words = ["1 to 1048576 pixels in all"];
+    let sizes = ["now.csv", "--pixels", "20000x20000"];
+    check_refused(&[("now.csv", &sweep(None))], &sizes, &words);
+    let nan = samples(None, 11).replacen(",11,-", ",11,NaN-", 1);
+    let words = ["nan.csv:2: found \"NaN-", "expected dBm from"];
+    check_refused(&[("nan.csv", &nan)], &["nan.csv"], &words);
+}
+
+#[test]
+fn progress_needs_one_recording_of_single_packets() {
+    let pooled = sweep(Some((6.0, 4.0)));
+    let asked = ["now.csv", "--progress", "p.png", "--solver", "map"];
+    let words = ["now.csv: holds pooled links", "samples.csv"];
+    check_refused(&[("now.csv", &pooled)], &asked, &words);
+    let single = samples(Some((6.0, 4.0)), 11);
+    let files = [("now.csv", single.as_str()), ("more.csv", single.as_str())];
+    let words = ["--progress: found 2 recordings, expected one"];
+    check_refused(&files, &[&asked[..], &["more.csv"]].concat(), &words);
+}
+
+#[test]
+fn an_earlier_run_is_the_empty_sweep_of_another() {
+    let folder = folder_with(&[("expected.csv", &sweep(None))]);
+    for (run, person) in [("one", None), ("two", Some((6.0, 4.0)))] {
+        fs::create_dir(folder.path().join(run)).unwrap();
+        fs::write(folder.path().join(run).join("links.csv"), sweep(person)).unwrap();
+    }
+    let image = |empty: &str, output: &str| {
+        let asked = ["two", "--empty", empty, "--solver", "map", "--npy", output];
+        let ended = tomoswarm(folder.path(), &asked);
+        assert!(ended.status.success(), "{ended:?}");
+        fs::read(folder.path().join(output)).unwrap()
+    };
+    assert_eq!(image("one", "a.npy"), image("expected.csv", "b.npy"));
+    check_refused(
+        &[("now.csv", &sweep(None))],
+        &["now.csv", "--empty", "."],
+        &["without empty.csv"],
+    );
+}
+
+/// Links at two heights around a square of 10 m; what stands at (4, 6), at most 2 m high, takes 6 dB of what meets it.
+fn with_heights(is_empty: bool) -> String {
+    let mut ends: Vec<[f64; 3]> = Vec::new();
+    for z_m in [1.0, 3.0] {
+        for step in 0..9 {
+            let along_m = 1.0 + f64::from(step);
+            ends.extend([[along_m, 0.0, z_m], [along_m, 10.0, z_m]]);
+            ends.extend([[0.0, along_m, z_m], [10.0, along_m, z_m]]);
+        }
+    }
+    let mut text = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm\n".to_owned();
+    for (i, from) in ends.iter().enumerate() {
+        for to in &ends[..i] {
+            let meets = (0..=100).any(|step| {
+                let share = f64::from(step) / 100.0;
+                let at = [0, 1, 2].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+                (at[0] - 4.0).hypot(at[1] - 6.0) < 0.5 && at[2] < 2.0
+            });
+            let strength = if meets && !is_empty { -66 } else { -60 };
+            let [[a, b, c], [d, e, f]] = [from, to];
+            text += &format!("{a},{b},{c},{d},{e},{f},9,{strength}\n");
+        }
+    }
+    text
+}
+
+#[test]
+fn links_with_heights_make_a_volume() {
+    let folder = folder_with(&[
+        ("now.csv", &with_heights(false)),
+        ("empty.csv", &with_heights(true)),
+    ]);
+    let asked = ["now.csv", "--empty", "empty.csv", "--layers", "2"];
+    let outputs = ["--npy", "v.npy", "--png", "v.png", "--json", "v.json"];
+    let output = tomoswarm(folder.path(), &[&asked[..], &outputs].concat());
+    assert!(output.status.success(), "{output:?}");
+    let text = fs::read_to_string(folder.path().join("v.json")).unwrap();
+    let report: Value = serde_json::from_str(&text).unwrap();
+    let at: Vec<f64> = report["strongest"]["at_m"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|metres| metres.as_f64().unwrap())
+        .collect();
+    assert!((at[0] - 4.0).hypot(at[1] - 6.0) < 0.8, "{at:?}");
+    assert_eq!(at[2], 1.5);
+    let npy = fs::read(folder.path().join("v.npy")).unwrap();
+    assert!(String::from_utf8_lossy(&npy[..128]).contains("(2, 20, 20)"));
+    assert_eq!(npy.len(), 128 + 4 * 800);
+    assert!(is_png(folder.path(), "v.png"));
+    let flat = sweep(None);
+    let files = [("now.csv", flat.as_str()), ("empty.csv", flat.as_str())];
+    check_refused(
+        &files,
+        &asked,
+        &["now.csv: found links without heights", "tx_z_m"],
+    );
+}
