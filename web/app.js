@@ -11,9 +11,12 @@ import { PlanPanel } from "./plan.js";
 import { PreflightPanel } from "./preflight.js";
 import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
+import { SettingsPanel } from "./settings.js";
 import { say } from "./stop.js";
 import { Tabs } from "./tabs.js";
 import { TimeBar, clock } from "./time.js";
+import { SceneView } from "./view.js";
+import { WhyPanel } from "./why.js";
 
 const AGES_EVERY_MS = 250;
 const STALE_MS = 3000;
@@ -25,13 +28,16 @@ const model = new Model();
 const fleet = new Fleet(model);
 const orders = new Orders(model, fleet);
 const scene = new Scene(model);
+const view = new SceneView(model, fleet, scene, token);
 const image = new ImagePanel(model);
+new WhyPanel(model, scene, token);
 const panels = {
   plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
   check: { panel: new PreflightPanel(token), of: ["states", "vehicle", "ground", "welcome"] },
   begin: { panel: new BeginPanel(model, fleet, scene), of: ["ground", "welcome"] },
+  settings: { panel: new SettingsPanel(model, scene, token), of: ["ground", "welcome"] },
 };
 orders.heldButton("begin-mission", () => panels.begin.panel.give());
 let filledBy_ms = 0;
@@ -55,7 +61,7 @@ const feed = new Feed(token, (buffer) => {
 
 const time = new TimeBar(model, feed);
 
-scene.wanted = () => { needsScene = true; wantFrame(); };
+scene.wanted = view.wanted = () => { needsScene = true; wantFrame(); };
 image.wanted = () => { needsImage = true; needsScene = true; wantFrame(); };
 const wantPanel = () => { needsPanel = true; wantFrame(); };
 for (const { panel } of Object.values(panels)) panel.wanted = wantPanel;
@@ -84,7 +90,7 @@ function draw() {
   if (changed.has("orders") || changed.has("welcome") || changed.has("vehicle")) orders.show();
   if (changed.has("image") || changed.has("finds") || needsImage) image.draw();
   drawPanel(now_ms);
-  if (changed.size > 0 || needsScene) scene.draw(now_ms);
+  if (changed.size > 0 || needsScene) view.draw(now_ms);
   if (changed.size > 0) fleet.show(now_ms);
   changed.clear();
   [needsScene, needsImage, needsPanel] = [false, false, false];
@@ -161,4 +167,4 @@ addEventListener("keydown", (event) => {
 });
 
 // For tests, and for whoever looks into the page.
-globalThis.tomoswarm = { model, scene, feed, time };
+globalThis.tomoswarm = { model, scene, view, feed, time };

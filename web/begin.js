@@ -4,7 +4,7 @@
 import { post, say } from "./stop.js";
 
 /** Keys that the scene can be pointed at for. */
-const DRAWN = { waypoints_m: "Add places: point at the scene", centre_m: "Choose the middle: point at the scene" };
+const DRAWN = { waypoints_m: "Add places: point at the scene", centre_m: "Draw it: point at the middle, then at a side" };
 
 export class BeginPanel {
   constructor(model, fleet, scene) {
@@ -86,14 +86,31 @@ export class BeginPanel {
       const [list, isList] = [[], name === "waypoints_m"];
       this.scene.pick = (x, y) => {
         const place = [Math.round(x * 100) / 100, Math.round(y * 100) / 100];
-        isList ? list.push(place) : list.splice(0, 1, place);
-        input.value = isList ? `[${list.map(written).join(", ")}]` : written(place);
-        this.scene.sketch = list;
+        if (isList) {
+          list.push(place);
+          input.value = `[${list.map(written).join(", ")}]`;
+          this.scene.sketch = list;
+        } else this.drawSquare(list, place, input);
         this.scene.wanted();
         this.showCommand();
       };
     });
     return button;
+  }
+
+  /** The first place is the middle, the second one lies on a side; a third one begins anew. */
+  drawSquare(list, place, input) {
+    if (list.length === 2) list.length = 0;
+    list.push(place);
+    const [middle, side] = list;
+    input.value = written(middle);
+    this.scene.sketch = [middle];
+    const size = document.querySelector("#mission-keys input[name=size_m]");
+    if (!side || !size) return;
+    const half = Math.max(Math.abs(side[0] - middle[0]), Math.abs(side[1] - middle[1]));
+    size.value = (2 * half).toFixed(2);
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]];
+    this.scene.sketch = corners.map(([x, y]) => [middle[0] + x * half, middle[1] + y * half]);
   }
 
   /** A file of this browser's machine; its text goes with the order. */

@@ -15,7 +15,7 @@ export class Feed {
   }
 
   connect() {
-    const socket = new WebSocket(`ws://${location.host}/feed`);
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/feed`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.undrawn = 0;

@@ -3,6 +3,8 @@
 
 const STEPS_DBPM = [0.25, 0.5, 1, 2, 4, 8, 16, 32];
 const SIGNIFICANCE_MOST = 6;
+/** Finds of two images that are nearer than this are one. */
+const SAME_FIND_M = 1;
 const BELOW_ZERO = [0, 160, 150];
 const scales = new Map();
 
@@ -50,6 +52,44 @@ export class ImagePanel {
       return item(`${this.model.timeText(image.at_s * 1000)} run ${image.run}, lap ${image.laps}: ${found}`);
     });
     document.getElementById("earlier-finds").replaceChildren(...lines.reverse());
+    const image = this.model.images.get(subject);
+    const newest = { at_s: this.model.shown_ms / 1000, run: image?.run, finds };
+    const images = [...earlier, newest].filter((of) => of.run === image?.run);
+    drawHistory(document.getElementById("finds-history"), images);
+  }
+}
+
+/** How sure each find was in the images of this run: it sharpens, or it does not. Those of one place are joined. */
+function drawHistory(canvas, images) {
+  const points = images.flatMap(({ finds }, index) => finds.map((find) => ({ ...find, index }))).filter(({ sd_m }) => sd_m !== null);
+  canvas.hidden = images.length < 2 || points.length === 0;
+  if (canvas.hidden) return;
+  const ratio = Math.min(devicePixelRatio || 1, 1.5);
+  const [width, height] = [canvas.clientWidth || 300, 110];
+  [canvas.width, canvas.height] = [width * ratio, height * ratio];
+  const pen = canvas.getContext("2d");
+  pen.scale(ratio, ratio);
+  const style = getComputedStyle(canvas);
+  const [ink, faint] = ["--ink", "--faint"].map((name) => style.getPropertyValue(name));
+  const most_m = Math.max(0.5, ...points.map(({ sd_m }) => sd_m));
+  const x = (index) => 44 + (index * (width - 60)) / Math.max(1, images.length - 1);
+  const y = (sd_m) => height - 18 - (sd_m / most_m) * (height - 34);
+  pen.font = "11px system-ui, sans-serif";
+  pen.fillStyle = faint;
+  pen.fillRect(40, y(0), width - 44, 1);
+  pen.fillText(`± ${most_m.toFixed(1)} m`, 0, y(most_m) + 4);
+  pen.fillText("± 0", 0, y(0) + 4);
+  pen.fillText(`deviation of each find, ${images.length} images of the run, oldest left`, 44, height - 3);
+  pen.strokeStyle = pen.fillStyle = ink;
+  for (const point of points) {
+    const before = points.filter((other) => other.index === point.index - 1 && Math.hypot(other.at[0] - point.at[0], other.at[1] - point.at[1]) < SAME_FIND_M);
+    for (const other of before.slice(0, 1)) {
+      pen.beginPath();
+      pen.moveTo(x(other.index), y(other.sd_m));
+      pen.lineTo(x(point.index), y(point.sd_m));
+      pen.stroke();
+    }
+    pen.fillRect(x(point.index) - 3, y(point.sd_m) - 3, 6, 6);
   }
 }
 

@@ -1,13 +1,10 @@
 // The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds. x to
 // the right, y up, metres.
 
+import { cellColour, css, excessColour, FREE_TO, liveLinks, OCCUPIED_FROM, SIDE } from "./draw.js";
 import { imageCanvas } from "./image.js";
 import { arrow, waitsOf } from "./plan.js";
 
-const SIDE = 32;
-const OCCUPIED_FROM = 9;
-const FREE_TO = -8;
-const SURE = 17;
 const PADDING = 1.08;
 const TRUTH = "#a03cc8";
 /** A pointer that moves less has pointed at something. */
@@ -19,13 +16,17 @@ export class Scene {
     this.canvas = document.getElementById("plane");
     this.tiles = new Map();
     this.view = null;
-    this.layers = Object.fromEntries(["map", "image", "plan", "tracks", "truth"].map((name) => [name, document.getElementById(`layer-${name}`)]));
+    this.layers = Object.fromEntries(["map", "image", "links", "plan", "tracks", "truth"].map((name) => [name, document.getElementById(`layer-${name}`)]));
     for (const box of Object.values(this.layers)) box.addEventListener("change", () => this.wanted());
     this.wanted = () => {};
     /** Told the places that are pointed at, while places are asked for. */
     this.pick = null;
     this.sketch = [];
     this.slice = 0;
+    /** Counts how often the map has changed. */
+    this.mapVersion = 0;
+    /** The links that made a pixel, if that was asked. */
+    this.why = null;
     this.listen();
   }
 
@@ -142,8 +143,7 @@ export class Scene {
 
   draw(now_ms) {
     const { canvas, model } = this;
-    if (this.generation !== model.generation) this.tiles.clear();
-    this.generation = model.generation;
+    this.takeTiles();
     if (!model.place || canvas.clientWidth === 0) return;
     const ratio = Math.min(devicePixelRatio || 1, 1.5);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
@@ -161,6 +161,8 @@ export class Scene {
     if (this.layers.truth.checked) this.drawTruth(pen);
     this.drawPlace(pen);
     if (this.layers.tracks.checked) this.drawTracks(pen);
+    if (this.layers.links.checked) this.drawLinks(pen, now_ms);
+    this.drawWhy(pen);
     if (this.layers.plan.checked) {
       this.drawPlans(pen);
       this.drawWaits(pen);
@@ -171,9 +173,17 @@ export class Scene {
     this.drawScale(pen);
   }
 
+  /** Paints the tiles that have changed. */
+  takeTiles() {
+    const { model } = this;
+    if (this.generation !== model.generation) this.tiles.clear();
+    this.generation = model.generation;
+    if (model.changedTiles.size > 0) this.mapVersion += 1;
+    for (const key of model.changedTiles) this.paintTile(key);
+    model.changedTiles.clear();
+  }
+
   drawMap(pen) {
-    for (const key of this.model.changedTiles) this.paintTile(key);
-    this.model.changedTiles.clear();
     const side = SIDE * this.model.place.cell_m;
     pen.imageSmoothingEnabled = false;
     for (const { tile, picture } of this.tiles.values()) {
@@ -266,6 +276,34 @@ export class Scene {
       pen.strokeStyle = css(this.model.colourOf(id), 0.55);
       this.path(pen, track, false);
     }
+  }
+
+  /** Who hears whom, by what the way costs beyond the path loss. */
+  drawLinks(pen, now_ms) {
+    pen.font = "11px system-ui, sans-serif";
+    for (const { from, to, excess_db } of liveLinks(this.model, now_ms)) {
+      pen.strokeStyle = css(excessColour(excess_db), 0.9);
+      pen.lineWidth = 2.5;
+      pen.setLineDash(excess_db === null ? [3, 5] : []);
+      this.path(pen, [[from.x, from.y], [to.x, to.y]], false);
+      pen.setLineDash([]);
+      const [x, y] = this.toPixel((from.x + to.x) / 2, (from.y + to.y) / 2);
+      this.write(pen, excess_db === null ? "not heard" : `${excess_db.toFixed(0)} dB`, x + 5, y - 5);
+    }
+  }
+
+  /** The links that made a pixel, the stronger the thicker, and the pixel. */
+  drawWhy(pen) {
+    if (!this.why) return;
+    for (const { from, to, colour, share } of this.why.lines) {
+      pen.strokeStyle = css(colour, 0.85);
+      pen.lineWidth = 1 + 3 * share;
+      this.path(pen, [from, to], false);
+    }
+    const [x, y] = this.toPixel(...this.why.at);
+    pen.strokeStyle = this.ink;
+    pen.lineWidth = 3;
+    pen.strokeRect(x - 8, y - 8, 16, 16);
   }
 
   drawPlans(pen) {
@@ -394,18 +432,4 @@ export class Scene {
     pen.stroke();
     this.write(pen, "N", x + nx * 20 - 4, y - ny * 20 + 4);
   }
-}
-
-/** Free is light, occupied is dark; what is not known lets the paper through. */
-function cellColour(value) {
-  if (value >= OCCUPIED_FROM) return [16, 16, 22, 255];
-  if (value <= FREE_TO) {
-    const share = Math.min(1, -value / SURE);
-    return [246, 247, 249, Math.round(140 + 115 * share)];
-  }
-  return [0, 0, 0, 0];
-}
-
-function css([red, green, blue], share) {
-  return `rgba(${red}, ${green}, ${blue}, ${share})`;
 }

@@ -1,6 +1,7 @@
 //! `tomoswarm dash CONFIG`: the operator's page, for a browser on this machine.
 
 use std::io::Write;
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use super::error::CliError;
@@ -10,7 +11,7 @@ use super::replay::recordings;
 use super::standard_output::{StandardOutput, complain};
 use super::stop::StopFlag;
 use crate::config::{self, Config};
-use crate::run::dash::{DashError, Dashboard, RecordedPage};
+use crate::run::dash::{DashError, Dashboard, PageAddress, PageCertificate, RecordedPage};
 use crate::store::recording::what_was_said;
 
 /// The port of the page unless another one is asked for.
@@ -18,9 +19,9 @@ pub(super) const PAGE_PORT: u16 = 8377;
 
 /// Show the swarm in a browser, and order from there.
 ///
-/// Joins the bus as an operator and serves a page on this machine alone (127.0.0.1). Two links are printed: with one a page may
-/// look, with the other it may order as well. A browser on another machine reaches the page through a tunnel that ends here
-/// (ssh -L). Ending this command stops nobody.
+/// Joins the bus as an operator and serves a page on this machine alone (127.0.0.1), with --listen to other machines by TLS. Two
+/// links are printed: with one a page may look, with the other it may order as well. Without certificates a browser on another
+/// machine reaches the page through a tunnel that ends here (ssh -L). Ending this command stops nobody.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct DashArgs {
@@ -30,6 +31,10 @@ pub struct DashArgs {
     /// Show flight recordings in place of a swarm: a recording (.mcap), or a folder with those of all nodes of one run
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["config", "files"])]
     pub replay: Option<PathBuf>,
+    /// Serve other machines as well: an address of this one, or 0.0.0.0 for all of them, by TLS with the operator's certificate;
+    /// without one it is refused [default: 127.0.0.1, this machine alone, without TLS]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "replay")]
+    pub listen: Option<IpAddr>,
     /// The port of the page; 0 = any that is free
     #[arg(long, value_name = "PORT", default_value_t = PAGE_PORT)]
     pub port: u16,
@@ -48,6 +53,7 @@ Examples:
   tomoswarm dash operator.toml                        then open one of the links
   tomoswarm dash operator.toml --port 0               on any free port
   tomoswarm dash --replay run/flight                  a recording: of each node what it said, at any moment and speed
+  tomoswarm dash operator.toml --listen 0.0.0.0       for a tablet: its browser must be given the swarm's ca.pem
   ssh -L 8377:127.0.0.1:8377 ground                   the page of a ground station's machine, from elsewhere
 
 Exit codes: 0 ended by Ctrl-C; 1 the bus cannot be joined, or a fault; 2 bad usage or configuration, a recording that cannot
@@ -73,9 +79,21 @@ impl DashArgs {
             return Err(CliError::Usage("CONFIG or --replay is expected".to_owned()));
         };
         let context = OperatorContext::read(config)?;
+        let mut at = PageAddress::on_this_machine(self.port);
+        at.address = self.listen.unwrap_or(at.address);
+        at.certificate = context
+            .settings
+            .trust
+            .as_ref()
+            .map(|trust| PageCertificate {
+                certificate: trust.certificate.clone(),
+                key: trust.key.clone(),
+                authority: trust.ca.clone(),
+            });
+        at.check().map_err(refused)?;
         let stop = StopFlag::listen();
         let operator = context.open()?;
-        let started = Dashboard::start(operator, &context.venue, self.port, self.files.clone());
+        let started = Dashboard::start(operator, &context.venue, &at, self.files.clone());
         let dashboard = started.map_err(refused)?;
         let [look, operate] = dashboard.links();
         let text = format!("to look     {look}\nto operate  {operate}\n");
@@ -124,7 +142,10 @@ impl DashArgs {
 /// Returns why there is no page, as an error of a command.
 pub(super) fn refused(error: DashError) -> CliError {
     match error {
-        DashError::Listen { .. } | DashError::Scenario(_) => CliError::Usage(error.to_string()),
+        DashError::Listen { .. }
+        | DashError::NoCertificate(_)
+        | DashError::Certificate { .. }
+        | DashError::Scenario(_) => CliError::Usage(error.to_string()),
         DashError::Random(_) | DashError::Thread(_) => CliError::Fault(error.to_string()),
     }
 }

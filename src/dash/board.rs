@@ -302,6 +302,11 @@ impl Board {
         self.images.get(&subject)
     }
 
+    /// Returns the merged map.
+    pub fn map(&self) -> &Merged {
+        &self.map
+    }
+
     /// Returns the cells of a tile of the merged map.
     pub fn tile(&self, address: TileAddress) -> Option<[i8; TILE_CELLS]> {
         self.map.values(address)

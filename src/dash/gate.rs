@@ -80,6 +80,20 @@ pub enum GateRefusal {
 #[derive(Clone, Debug)]
 pub struct OwnNames {
     hosts: BTreeSet<String>,
+    /// What an Origin begins with.
+    scheme: &'static str,
+}
+
+/// Returns a host with a port, as requests name it: an address of six in brackets, the usual port of TLS left out.
+pub fn named(host: &str, port: u16) -> String {
+    let host = match host.contains(':') {
+        true => format!("[{host}]"),
+        false => host.to_ascii_lowercase(),
+    };
+    match port {
+        443 => host,
+        _ => format!("{host}:{port}"),
+    }
 }
 
 /// Who may do what.
@@ -114,6 +128,15 @@ impl OwnNames {
         let names = ["127.0.0.1", "localhost", "[::1]"];
         OwnNames {
             hosts: names.iter().map(|name| format!("{name}:{port}")).collect(),
+            scheme: "http://",
+        }
+    }
+
+    /// Returns the names of a server with TLS: those in its certificate, and no other.
+    pub fn in_certificate(hosts: &[String], port: u16) -> OwnNames {
+        OwnNames {
+            hosts: hosts.iter().map(|host| named(host, port)).collect(),
+            scheme: "https://",
         }
     }
 
@@ -131,7 +154,7 @@ impl OwnNames {
     /// # Errors
     /// It is missing, or not that of the server's own page.
     pub fn judge_origin(&self, origin: Option<&str>) -> Result<(), GateRefusal> {
-        let host = origin.and_then(|origin| origin.strip_prefix("http://"));
+        let host = origin.and_then(|origin| origin.strip_prefix(self.scheme));
         let is_own = host.is_some_and(|host| self.hosts.contains(&host.to_ascii_lowercase()));
         is_own.then_some(()).ok_or(GateRefusal::Origin)
     }

@@ -8,6 +8,8 @@
 //!   operator ──how orders ended──► order book
 //! ```
 
+mod looks;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
@@ -18,17 +20,16 @@ use tomoswarm_proto::{Message, StopScope};
 use super::board::{Board, BoardInput, Subject};
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
 use super::history::History;
-use super::metrics::metrics;
+use super::links::LinkBook;
 use super::orders::{OrderRequest, OrderWord};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
-use crate::config::Venue;
+use crate::config::{Config, Venue, to_toml};
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::order_goal::GoalId;
-use crate::operator::preflight::{Requirements, inspect, is_go};
-use crate::operator::status::Expected;
 use crate::time::Time;
+use crate::tomo::ImagingSettings;
 
 /// A stop for all that is pressed again within this time, and is open, is the same one: who names more than eight stops a
 /// minute has them joined to *many*, which a start does not lift by itself.
@@ -105,6 +106,14 @@ pub struct PageServer {
     is_over: bool,
     /// The number of the last marker that pages were told of.
     marked: Option<u64>,
+    /// What stands in the scene of a simulation, JSON; empty = it is not known.
+    mesh: String,
+    /// What is set, TOML with the meaning of each key.
+    settings: String,
+    /// The links of all runs, as far as their samples were heard.
+    links: LinkBook,
+    /// How the ground station images the structure and the change, if that is known.
+    imaging: Option<[ImagingSettings; 2]>,
     effects: Vec<PageEffect>,
 }
 
@@ -113,6 +122,7 @@ impl PageServer {
     /// judged by the venue.
     pub fn new(place: Value, venue: Venue, board: Board, gate: Gate) -> PageServer {
         PageServer {
+            settings: to_toml(&Config::Venue(venue.clone())),
             place,
             venue,
             board,
@@ -124,6 +134,9 @@ impl PageServer {
             shown: None,
             is_over: false,
             marked: None,
+            mesh: String::new(),
+            links: LinkBook::default(),
+            imaging: None,
             effects: Vec::new(),
         }
     }
@@ -133,8 +146,16 @@ impl PageServer {
         &self.board
     }
 
+    /// Returns the place.
+    pub fn venue(&self) -> &Venue {
+        &self.venue
+    }
+
     /// Takes what came over the bus.
     pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
+        if let HeardMessage::Message(_, Message::Samples(batch)) = heard {
+            self.links.take(batch);
+        }
         self.tell(now, &BoardInput::Heard(heard.clone()));
     }
 
@@ -147,6 +168,21 @@ impl PageServer {
     /// that time; whatever concerns pages keeps the time of their caller.
     pub fn show_moment(&mut self, shown: Time) {
         self.shown = Some(shown);
+    }
+
+    /// Takes what stands in the scene of a simulation ([`super::scene_mesh::scene_mesh`]).
+    pub fn set_mesh(&mut self, mesh: String) {
+        self.mesh = mesh;
+    }
+
+    /// Takes what is set beside the venue, in place of that.
+    pub fn set_settings(&mut self, config: &Config) {
+        self.settings = to_toml(config);
+    }
+
+    /// Takes how the ground station images the structure and the change, by the solver `map`.
+    pub fn set_imaging(&mut self, structure: ImagingSettings, change: ImagingSettings) {
+        self.imaging = Some([structure, change]);
     }
 
     /// Takes that nothing more will be told: this is a recording, which pages see from its beginning.
@@ -219,8 +255,16 @@ impl PageServer {
         Ok(())
     }
 
+    /// Judges whether a token may look.
+    ///
+    /// # Errors
+    /// It is none of this server's.
+    pub fn may_look(&self, token: &str) -> Result<(), GateRefusal> {
+        self.gate.right_of(token).map(|_| ())
+    }
+
     /// Returns the moment that is the newest.
-    fn present(&self, now: Time) -> Time {
+    pub fn present(&self, now: Time) -> Time {
         self.shown.unwrap_or(now)
     }
 
@@ -258,45 +302,6 @@ impl PageServer {
         self.effects
             .extend(request.input(number, mission).map(PageEffect::Tell));
         Ok(number)
-    }
-
-    /// Returns the metrics for whoever may look.
-    ///
-    /// # Errors
-    /// The token is none of this server's.
-    pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
-        self.gate.judge_looking(authorization)?;
-        Ok(metrics(self.present(now), &self.board))
-    }
-
-    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
-    /// that all are to run.
-    ///
-    /// # Errors
-    /// The token is none of this server's.
-    pub fn preflight(
-        &self,
-        now: Time,
-        authorization: Option<&str>,
-        software: &str,
-    ) -> Result<String, GateRefusal> {
-        self.gate.judge_looking(authorization)?;
-        let now = self.present(now);
-        let view = self.board.view();
-        let everyone = Expected {
-            vehicles: BTreeSet::new(),
-            ground: true,
-        };
-        let needs = Requirements {
-            vehicles: everyone.vehicles(view, now),
-            venue_hash: self.board.venue_hash(),
-            fence: self.venue.fence.clone(),
-            homes: self.venue.homes.clone(),
-            pose_sd_max_m: None,
-            software: software.to_owned(),
-        };
-        let nodes = inspect(view, &needs, now);
-        Ok(json!({ "isGo": is_go(&nodes), "nodes": nodes }).to_string())
     }
 
     /// Returns when to call [`PageServer::due`] next at the latest.

@@ -8,19 +8,25 @@
 //!
 //! A request wakes the loop, so that an order waits for nothing that is heard.
 
+mod answers;
 mod files;
+mod foxglove;
 mod http;
 mod pages;
 mod recorded;
 mod simulated;
+mod tls;
+mod viewers;
 
 use std::io;
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use self::pages::Pages;
 pub use self::recorded::RecordedPage;
 pub use self::simulated::SimulationPage;
+pub use self::tls::PageCertificate;
 use super::live_operator::LiveOperator;
 use super::membership::{self, RandomUnavailable};
 use crate::actor::Fault;
@@ -38,13 +44,29 @@ use crate::sim::ScenarioError;
 pub enum DashError {
     /// The port is not free, or may not be used.
     #[error(
-        "127.0.0.1:{port} cannot be listened on: {source}; choose another port, or 0 for any that is free"
+        "{address}:{port} cannot be listened on: {source}; choose another port, or 0 for any that is free"
     )]
     Listen {
+        /// Where.
+        address: IpAddr,
         /// Which port.
         port: u16,
         /// Why.
         source: io::Error,
+    },
+    /// Another address than that of this machine alone, without a certificate.
+    #[error(
+        "{0} can be reached from other machines, and the operator's file has no certificate for TLS: without one the page is \
+         served on 127.0.0.1 only (`tomoswarm enroll` writes one; or use a tunnel, ssh -L)"
+    )]
+    NoCertificate(IpAddr),
+    /// A file of the certificate is refused.
+    #[error("{}: {reason}", path.display())]
+    Certificate {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
     },
     /// The scene of a simulation cannot be built.
     #[error(transparent)]
@@ -57,6 +79,39 @@ pub enum DashError {
     Thread(io::Error),
 }
 
+/// Where a page is served.
+#[derive(Clone, Debug)]
+pub struct PageAddress {
+    /// The address that is listened on.
+    pub address: IpAddr,
+    /// The port; 0 = any.
+    pub port: u16,
+    /// The operator's certificate, if there is one.
+    pub certificate: Option<PageCertificate>,
+}
+
+impl PageAddress {
+    /// Returns a port of this machine alone.
+    pub fn on_this_machine(port: u16) -> PageAddress {
+        PageAddress {
+            address: IpAddr::V4(Ipv4Addr::LOCALHOST),
+            port,
+            certificate: None,
+        }
+    }
+
+    /// Judges whether a page may be served there, before anything begins.
+    ///
+    /// # Errors
+    /// Other machines reach it, and there is no certificate.
+    pub fn check(&self) -> Result<(), DashError> {
+        match self.certificate {
+            None if !self.address.is_loopback() => Err(DashError::NoCertificate(self.address)),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// An operator with its pages.
 pub struct Dashboard {
     operator: LiveOperator,
@@ -65,21 +120,22 @@ pub struct Dashboard {
 }
 
 impl Dashboard {
-    /// Listens on a port of this machine (0 = any), and serves the pages that are built in, or those of a folder.
+    /// Listens on an address, by TLS unless it is of this machine alone, and serves the pages that are built in, or those of a
+    /// folder.
     ///
     /// # Errors
     /// [`DashError`].
     pub fn start(
         operator: LiveOperator,
         venue: &Venue,
-        port: u16,
+        at: &PageAddress,
         folder: Option<PathBuf>,
     ) -> Result<Dashboard, DashError> {
         let [look, operate] = [token()?, token()?];
-        let (listener, port) = pages::listen(port)?;
+        let listening = pages::listen(at)?;
         let links = [
-            pages::link(port, "look", &look),
-            pages::link(port, "operate", &operate),
+            listening.link("look", &look),
+            listening.link("operate", &operate),
         ];
         let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
         let place = place(venue, Showing::Live);
@@ -87,7 +143,7 @@ impl Dashboard {
         let waker = operator.session().waker();
         let wake = Arc::new(move || waker.wake());
         Ok(Dashboard {
-            pages: Pages::start(server, (listener, port), folder, wake)?,
+            pages: Pages::start(server, listening, folder, wake)?,
             operator,
             links,
         })

@@ -256,7 +256,7 @@ impl Scene {
 
 impl Shape {
     /// Returns the surface as triangles.
-    pub(super) fn surface(&self) -> Mesh {
+    pub fn surface(&self) -> Mesh {
         match self {
             Shape::Mesh(mesh) => mesh.clone(),
             Shape::Prism {

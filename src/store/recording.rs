@@ -40,6 +40,11 @@ pub use recorder::{Recorder, RecordingUse, StepRecorder};
 pub use replay::{Difference, ReplayError, ReplayResult, Replayed, replay};
 pub use said::{RecordedRun, what_was_said};
 pub use segment::WriteError;
+#[cfg(feature = "dash")]
+pub(crate) use {
+    schema::Schema,
+    view::{image_grid, log_line, map_grid, pose},
+};
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes
 /// do not say whose they are.

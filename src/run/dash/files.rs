@@ -1,7 +1,16 @@
-//! The files of the page, built in; or read from a folder, for whoever works on them.
+//! The files of the page, built in; or read from a folder, for whoever works on them. They go compressed (gzip), which is done
+//! once, when a file is asked for first.
 
 use std::borrow::Cow;
+use std::io::Write;
 use std::path::Path;
+use std::sync::OnceLock;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+/// What the page takes from elsewhere lies in a folder of its own; a browser is given this one file of it.
+const VENDORED: &str = "vendor/three.js";
 
 /// A file of the page.
 struct PageFile {
@@ -13,17 +22,21 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILES: [PageFile; 21] = [
-    file("index.html", include_bytes!("../../../web/index.html")),
+const FILE_COUNT: usize = 30;
+const FILES: [PageFile; FILE_COUNT] = [
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
     file("begin.js", include_bytes!("../../../web/begin.js")),
     file("decode.js", include_bytes!("../../../web/decode.js")),
+    file("draw.js", include_bytes!("../../../web/draw.js")),
     file("feed.js", include_bytes!("../../../web/feed.js")),
     file("fleet.js", include_bytes!("../../../web/fleet.js")),
     file("frames.js", include_bytes!("../../../web/frames.js")),
     file("icon.svg", include_bytes!("../../../web/icon.svg")),
     file("image.js", include_bytes!("../../../web/image.js")),
+    file("index.html", include_bytes!("../../../web/index.html")),
+    file("labels3d.js", include_bytes!("../../../web/labels3d.js")),
+    file("layers3d.js", include_bytes!("../../../web/layers3d.js")),
     file("log.js", include_bytes!("../../../web/log.js")),
     file("model.js", include_bytes!("../../../web/model.js")),
     file("orders.js", include_bytes!("../../../web/orders.js")),
@@ -31,17 +44,32 @@ const FILES: [PageFile; 21] = [
     file("preflight.js", include_bytes!("../../../web/preflight.js")),
     file("radio.js", include_bytes!("../../../web/radio.js")),
     file("scene2d.js", include_bytes!("../../../web/scene2d.js")),
+    file("scene3d.js", include_bytes!("../../../web/scene3d.js")),
+    file("settings.js", include_bytes!("../../../web/settings.js")),
     file("stop.js", include_bytes!("../../../web/stop.js")),
     file("tabs.js", include_bytes!("../../../web/tabs.js")),
     file("theme.js", include_bytes!("../../../web/theme.js")),
     file("time.js", include_bytes!("../../../web/time.js")),
+    file("vehicle3d.js", include_bytes!("../../../web/vehicle3d.js")),
+    file(
+        "vendor/three.js",
+        include_bytes!("../../../web/vendor/three.js"),
+    ),
+    file("view.js", include_bytes!("../../../web/view.js")),
+    file("why.js", include_bytes!("../../../web/why.js")),
 ];
+static COMPRESSED: [OnceLock<Vec<u8>>; FILE_COUNT] = [const { OnceLock::new() }; FILE_COUNT];
 
-/// Returns a file by the path of its address, and what it is; `None` = there is no such file.
-pub(super) fn find(
-    path: &str,
-    folder: Option<&Path>,
-) -> Option<(&'static str, Cow<'static, [u8]>)> {
+/// A file as it is sent.
+pub(super) struct SentFile {
+    /// Its media type.
+    pub(super) kind: &'static str,
+    /// It is compressed by gzip, whatever the browser says that it takes: all do.
+    pub(super) bytes: Cow<'static, [u8]>,
+}
+
+/// Returns a file by the path of its address; `None` = there is no such file.
+pub(super) fn find(path: &str, folder: Option<&Path>) -> Option<SentFile> {
     let name = match path.trim_start_matches('/') {
         "" => "index.html",
         name => name,
@@ -51,14 +79,29 @@ pub(super) fn find(
         Some(folder) => {
             let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '.' || c == '_' || c == '-';
             let is_inside = name.chars().all(is_plain) && !name.starts_with('.');
-            let read = is_inside.then(|| std::fs::read(folder.join(name)).ok());
-            read.flatten().map(|bytes| (kind, Cow::Owned(bytes)))
+            if !is_inside && name != VENDORED {
+                return None;
+            }
+            let read = std::fs::read(folder.join(name)).ok()?;
+            let bytes = Cow::Owned(compressed(&read));
+            Some(SentFile { kind, bytes })
         }
         None => {
-            let file = FILES.iter().find(|file| file.name == name)?;
-            Some((kind, Cow::Borrowed(file.bytes)))
+            let (file, sent) = FILES
+                .iter()
+                .zip(&COMPRESSED)
+                .find(|(file, _)| file.name == name)?;
+            let bytes = Cow::Borrowed(&sent.get_or_init(|| compressed(file.bytes))[..]);
+            Some(SentFile { kind, bytes })
         }
     }
+}
+
+fn compressed(bytes: &[u8]) -> Vec<u8> {
+    let mut packer = GzEncoder::new(Vec::new(), Compression::best());
+    // Memory takes whatever it is given.
+    let _ = packer.write_all(bytes);
+    packer.finish().unwrap_or_default()
 }
 
 fn kind_of(name: &str) -> Option<&'static str> {
@@ -83,6 +126,8 @@ mod tests {
         let mut names: Vec<String> = std::fs::read_dir(FOLDER)
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name != "vendor")
+            .chain([VENDORED.to_owned()])
             .collect();
         names.sort();
         let mut built_in: Vec<&str> = FILES.iter().map(|file| file.name).collect();
@@ -90,8 +135,42 @@ mod tests {
         assert_eq!(built_in, names);
         for file in &FILES {
             let lines = file.bytes.iter().filter(|byte| **byte == b'\n').count();
-            assert!(lines <= 600, "{}: {lines} lines", file.name);
+            let is_own = file.name != VENDORED;
+            assert!(!is_own || lines <= 600, "{}: {lines} lines", file.name);
         }
+    }
+
+    #[test]
+    fn the_page_with_its_three_dimensions_is_no_more_than_250_kilobytes_to_load() {
+        let sent = |name: &str| find(&format!("/{name}"), None).unwrap().bytes.len();
+        let three = sent(VENDORED);
+        let all: usize = FILES.iter().map(|file| sent(file.name)).sum();
+        println!("{} bytes, of which {three} come when 3D is asked for", all);
+        assert!(all <= 250_000, "{all}");
+    }
+
+    #[test]
+    fn what_is_sent_is_what_is_built_in() {
+        for file in &FILES {
+            let sent = find(&format!("/{}", file.name), None).unwrap();
+            let mut unpacked = Vec::new();
+            let mut packed = flate2::read::GzDecoder::new(&sent.bytes[..]);
+            std::io::Read::read_to_end(&mut packed, &mut unpacked).unwrap();
+            assert!(unpacked == file.bytes, "{}", file.name);
+        }
+    }
+
+    #[test]
+    fn what_is_taken_from_elsewhere_is_what_its_hash_says() {
+        let held = std::fs::read_to_string(format!("{FOLDER}/vendor/three.js.sha256")).unwrap();
+        let file = FILES.iter().find(|file| file.name == VENDORED).unwrap();
+        let hash = ring::digest::digest(&ring::digest::SHA256, file.bytes);
+        let words: Vec<String> = hash
+            .as_ref()
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect();
+        assert_eq!(held.split_whitespace().next(), Some(&words.concat()[..]));
     }
 
     #[test]
@@ -106,6 +185,9 @@ mod tests {
             "/sub/app.js",
             "/app.js/",
             "/app",
+            "/vendor/../app.js",
+            "/vendor/three.LICENSE",
+            "/vendor/other.js",
         ] {
             assert!(
                 find(path, folder).is_none() && find(path, None).is_none(),

@@ -1,5 +1,5 @@
 //! The server of HTTP on a thread of its own: files of the page, the feed, orders. It judges names and origins of requests,
-//! says what a browser may do with an answer, and hands everything else to the loop. The only file that names axum.
+//! says what a browser may do with an answer, and hands everything else to the loop. The only file that names axum beside `tls`.
 
 use std::io;
 use std::net::TcpListener;
@@ -18,8 +18,10 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
+use tokio_rustls::rustls::ServerConfig;
 
 use super::files;
+use super::tls::TlsListener;
 use crate::dash::gate::{GateRefusal, INBOUND_MAX, OwnNames, PageId};
 
 /// Frames that wait for a page's connection; more are never on their way to it.
@@ -28,6 +30,13 @@ const FRAMES_WAITING: usize = 8;
 const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
 /// The reason of a closed connection has at most this many bytes.
 const REASON_BYTES: usize = 120;
+
+/// Text as it is.
+const PLAIN_TYPE: &str = "text/plain; charset=utf-8";
+/// The protocols of Foxglove and Lichtblick that are spoken: two names of the same.
+const FOXGLOVE_PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
+/// Longest message of such a viewer, bytes: it names channels by the hundred.
+const VIEWER_INBOUND_MAX: usize = 16 << 10;
 
 /// The text format of Prometheus.
 const METRICS_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
@@ -61,6 +70,19 @@ pub(super) enum Request {
     PageSaid(PageId, String),
     /// A connection is gone.
     Closed(PageId),
+    /// A connection of Foxglove or Lichtblick is open.
+    OpenViewer {
+        /// The token that its address holds.
+        token: String,
+        /// Where its frames go.
+        frames: mpsc::Sender<Outbound>,
+        /// Its number, or why it is refused.
+        reply: oneshot::Sender<Result<u32, GateRefusal>>,
+    },
+    /// Such a viewer has said something.
+    ViewerSaid(u32, String),
+    /// Its connection is gone.
+    ViewerClosed(u32),
     /// An order was posted.
     Order {
         /// The header of that name.
@@ -69,6 +91,15 @@ pub(super) enum Request {
         body: Vec<u8>,
         /// Its number, or why it is refused.
         reply: oneshot::Sender<Result<u32, GateRefusal>>,
+    },
+    /// Which links made a pixel.
+    Why {
+        /// The header Authorization.
+        authorization: String,
+        /// What is asked.
+        question: Vec<u8>,
+        /// The answer, or why there is none.
+        reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
     /// Something is asked for that changes nothing.
     Look {
@@ -82,18 +113,27 @@ pub(super) enum Request {
 }
 
 /// What can be looked at beside the feed.
-#[derive(Clone, Copy)]
 pub(super) enum LookWord {
     /// Metrics for Prometheus.
     Metrics,
     /// The checks before a start, JSON.
     Preflight,
+    /// What stands in the scene of a simulation, JSON.
+    Mesh,
+    /// What is set, TOML with the meaning of each key.
+    Settings,
+    /// The links of a run, CSV.
+    Links(u32),
+    /// These places (JSON) as a mission of QGroundControl.
+    Waypoints(Vec<u8>),
 }
 
 /// What goes to a page's connection.
 pub(super) enum Outbound {
     /// A frame.
     Frame(Vec<u8>),
+    /// A text, to a viewer.
+    Text(String),
     /// Its end, and why.
     Close(GateRefusal),
 }
@@ -136,12 +176,12 @@ pub(super) struct HttpServer {
 }
 
 impl HttpServer {
-    /// Serves on a listener, from a folder instead of what is built in if there is one.
+    /// Serves on a listener, by TLS if there is one, from a folder instead of what is built in if there is one.
     ///
     /// # Errors
     /// The system gives no thread.
     pub(super) fn start(
-        listener: TcpListener,
+        (listener, tls): (TcpListener, Option<Arc<ServerConfig>>),
         names: OwnNames,
         requests: RequestSender,
         folder: Option<PathBuf>,
@@ -159,9 +199,16 @@ impl HttpServer {
         let serve = move || {
             let served = runtime.block_on(async {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
-                let server = axum::serve(listener, router(shared));
+                let serving = async {
+                    match tls {
+                        None => axum::serve(listener, router(shared)).await,
+                        Some(config) => {
+                            axum::serve(TlsListener::start(listener, config)?, router(shared)).await
+                        }
+                    }
+                };
                 tokio::select! {
-                    served = server => served,
+                    served = serving => served,
                     _ = ended => Ok(()),
                 }
             });
@@ -190,9 +237,15 @@ impl Drop for HttpServer {
 fn router(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/feed", get(feed))
+        .route("/foxglove", get(foxglove))
         .route("/order", post(order))
         .route("/metrics", get(metrics))
         .route("/preflight", get(preflight))
+        .route("/mesh", get(mesh))
+        .route("/settings", get(settings))
+        .route("/links", get(links))
+        .route("/waypoints", post(waypoints))
+        .route("/why", post(why))
         .fallback(get(file))
         .layer(DefaultBodyLimit::max(INBOUND_MAX))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
@@ -238,7 +291,13 @@ fn refused(refusal: &GateRefusal) -> Response {
 
 async fn file(State(shared): State<Arc<Shared>>, uri: Uri) -> Response {
     match files::find(uri.path(), shared.folder.as_deref()) {
-        Some((kind, bytes)) => ([(header::CONTENT_TYPE, kind)], bytes).into_response(),
+        Some(file) => {
+            let about = [
+                (header::CONTENT_TYPE, file.kind),
+                (header::CONTENT_ENCODING, "gzip"),
+            ];
+            (about, file.bytes).into_response()
+        }
         None => (StatusCode::NOT_FOUND, "there is no such file").into_response(),
     }
 }
@@ -274,6 +333,56 @@ async fn preflight(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Res
     look(&shared, LookWord::Preflight, &headers, "application/json").await
 }
 
+async fn mesh(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Mesh, &headers, "application/json").await
+}
+
+async fn settings(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Settings, &headers, PLAIN_TYPE).await
+}
+
+async fn links(State(shared): State<Arc<Shared>>, uri: Uri, headers: HeaderMap) -> Response {
+    let run = uri.query().and_then(|query| query.strip_prefix("run="));
+    match run.and_then(|run| run.parse().ok()) {
+        Some(run) => look(&shared, LookWord::Links(run), &headers, "text/csv").await,
+        None => refused(&GateRefusal::Unreadable(
+            "run=NUMBER is expected".to_owned(),
+        )),
+    }
+}
+
+async fn waypoints(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
+    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
+        return refused(&refusal);
+    }
+    look(
+        &shared,
+        LookWord::Waypoints(body.to_vec()),
+        &headers,
+        PLAIN_TYPE,
+    )
+    .await
+}
+
+async fn why(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
+    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
+        return refused(&refusal);
+    }
+    let Some(authorization) = only(&headers, header::AUTHORIZATION) else {
+        return refused(&GateRefusal::Token);
+    };
+    let (reply, answer) = oneshot::channel();
+    let request = Request::Why {
+        authorization: authorization.to_owned(),
+        question: body.to_vec(),
+        reply,
+    };
+    match shared.requests.send(request) {
+        true => said(answer.await, "application/json"),
+        false => refused(&GateRefusal::Flood),
+    }
+}
+
 async fn look(
     shared: &Shared,
     what: LookWord,
@@ -290,10 +399,18 @@ async fn look(
         authorization: Some(authorization.to_owned()),
         reply,
     });
-    if !is_taken {
-        return refused(&GateRefusal::Flood);
+    match is_taken {
+        true => said(answer.await, kind),
+        false => refused(&GateRefusal::Flood),
     }
-    match answer.await {
+}
+
+/// Returns what the loop has said as an answer of a media type.
+fn said(
+    answer: Result<Result<String, GateRefusal>, oneshot::error::RecvError>,
+    kind: &'static str,
+) -> Response {
+    match answer {
         Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
@@ -314,6 +431,43 @@ async fn feed(
         .on_upgrade(move |socket| connect(socket, shared.requests.clone()))
 }
 
+/// Opens a connection of Foxglove or Lichtblick. They come from pages of their own, and say no token but by the address: that, and
+/// nothing else, lets them look.
+async fn foxglove(
+    State(shared): State<Arc<Shared>>,
+    uri: Uri,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let token = uri.query().and_then(|query| query.strip_prefix("look="));
+    let token = token.unwrap_or_default().to_owned();
+    upgrade
+        .protocols(FOXGLOVE_PROTOCOLS)
+        .max_message_size(VIEWER_INBOUND_MAX)
+        .max_frame_size(VIEWER_INBOUND_MAX)
+        .on_upgrade(move |socket| connect_viewer(socket, token, shared.requests.clone()))
+}
+
+async fn connect_viewer(mut socket: WebSocket, token: String, requests: RequestSender) {
+    let (frames, mut outbound) = mpsc::channel(super::viewers::FRAMES_WAITING);
+    let (reply, answer) = oneshot::channel();
+    let open = Request::OpenViewer {
+        token,
+        frames,
+        reply,
+    };
+    if !requests.send(open) {
+        return close(socket, &GateRefusal::Flood).await;
+    }
+    let id = match answer.await {
+        Ok(Ok(id)) => id,
+        Ok(Err(refusal)) => return close(socket, &refusal).await,
+        Err(_) => return,
+    };
+    let said = |text| Request::ViewerSaid(id, text);
+    let refusal = carry(&mut socket, said, &mut outbound, &requests).await;
+    end(socket, refusal, || Request::ViewerClosed(id), &requests).await;
+}
+
 /// Carries frames to a page and its words to the loop until one of both ends.
 async fn connect(mut socket: WebSocket, requests: RequestSender) {
     let (frames, mut outbound) = mpsc::channel(FRAMES_WAITING);
@@ -326,9 +480,20 @@ async fn connect(mut socket: WebSocket, requests: RequestSender) {
         Ok(Err(refusal)) => return close(socket, &refusal).await,
         Err(_) => return,
     };
-    let refusal = carry(&mut socket, id, &mut outbound, &requests).await;
-    // The loop has room again soon, and counts the page as open until then.
-    while !requests.send(Request::Closed(id)) {
+    let said = |text| Request::PageSaid(id, text);
+    let refusal = carry(&mut socket, said, &mut outbound, &requests).await;
+    end(socket, refusal, || Request::Closed(id), &requests).await;
+}
+
+/// Says that a connection is gone, and closes it.
+async fn end(
+    socket: WebSocket,
+    refusal: Option<GateRefusal>,
+    gone: impl Fn() -> Request,
+    requests: &RequestSender,
+) {
+    // The loop has room again soon, and counts the connection as open until then.
+    while !requests.send(gone()) {
         tokio::time::sleep(AGAIN).await;
     }
     if let Some(refusal) = refusal {
@@ -336,10 +501,10 @@ async fn connect(mut socket: WebSocket, requests: RequestSender) {
     }
 }
 
-/// Returns why the connection must end, if it is not the page that has ended it.
+/// Returns why the connection must end, if it is not the other side that has ended it.
 async fn carry(
     socket: &mut WebSocket,
-    id: PageId,
+    said_by_it: impl Fn(String) -> Request,
     outbound: &mut mpsc::Receiver<Outbound>,
     requests: &RequestSender,
 ) -> Option<GateRefusal> {
@@ -347,11 +512,12 @@ async fn carry(
         tokio::select! {
             out = outbound.recv() => match out? {
                 Outbound::Frame(frame) => socket.send(Message::Binary(frame.into())).await.ok()?,
+                Outbound::Text(text) => socket.send(Message::Text(text.into())).await.ok()?,
                 Outbound::Close(refusal) => return Some(refusal),
             },
             said = socket.recv() => match said?.ok()? {
                 Message::Text(text) => {
-                    if !requests.send(Request::PageSaid(id, text.to_string())) {
+                    if !requests.send(said_by_it(text.to_string())) {
                         return Some(GateRefusal::Flood);
                     }
                 }

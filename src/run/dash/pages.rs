@@ -1,16 +1,22 @@
 //! What every host of the page has: the server's thread, the connections, and the loop's side of both.
 
 use std::collections::BTreeMap;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
+use tokio_rustls::rustls::ServerConfig;
+use tomoswarm_proto::RunId;
+
 use super::super::clock::Clock;
 use super::super::membership::SOFTWARE;
-use super::DashError;
+use super::answers::PixelAnswers;
 use super::http::{HttpServer, LookWord, Outbound, Request, RequestSender, Wake};
-use crate::dash::gate::{OwnNames, PageId};
+use super::viewers::Viewers;
+use super::{DashError, PageAddress, PageCertificate};
+use crate::dash::gate::{OwnNames, PageId, named};
 use crate::dash::page_server::{PageEffect, PageServer};
 use crate::time::Time;
 
@@ -24,23 +30,66 @@ pub(super) struct Pages {
     pub(super) server: PageServer,
     requests: Receiver<Request>,
     pages: BTreeMap<PageId, tokio::sync::mpsc::Sender<Outbound>>,
+    answers: PixelAnswers,
+    viewers: Viewers,
+    venue: String,
     _http: HttpServer,
 }
 
-/// Listens on a port of this machine (0 = any); returns the port as well.
-///
-/// # Errors
-/// The port is not free, or may not be used.
-pub(super) fn listen(port: u16) -> Result<(TcpListener, u16), DashError> {
-    let listener = TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
-    let listener = listener.map_err(|source| DashError::Listen { port, source })?;
-    let port = listener.local_addr().map_or(port, |address| address.port());
-    Ok((listener, port))
+/// A listener, the names by which it is known, and its TLS.
+pub(super) struct Listening {
+    listener: TcpListener,
+    names: OwnNames,
+    tls: Option<Arc<ServerConfig>>,
+    /// What links begin with.
+    base: String,
 }
 
-/// Returns the link of a token; the word says what it allows.
-pub(super) fn link(port: u16, word: &str, token: &str) -> String {
-    format!("http://127.0.0.1:{port}/#{word}={token}")
+/// Listens on an address; on one that other machines reach by TLS only.
+///
+/// # Errors
+/// The port is not free, or may not be used; there is no certificate, or it cannot be used.
+pub(super) fn listen(at: &PageAddress) -> Result<Listening, DashError> {
+    let PageAddress { address, port, .. } = *at;
+    at.check()?;
+    let certificate = at.certificate.as_ref().filter(|_| !address.is_loopback());
+    let identity = certificate.map(PageCertificate::read).transpose()?;
+    let listener = TcpListener::bind(SocketAddr::from((address, port)));
+    let listener = listener.map_err(|source| DashError::Listen {
+        address,
+        port,
+        source,
+    })?;
+    let port = listener.local_addr().map_or(port, |address| address.port());
+    let Some(identity) = identity else {
+        let address = SocketAddr::from((address, port));
+        return Ok(Listening {
+            listener,
+            names: OwnNames::on_port(port),
+            tls: None,
+            base: format!("http://{address}"),
+        });
+    };
+    let is_named = |host: &&String| **host == address.to_string();
+    let host = identity
+        .hosts
+        .iter()
+        .find(is_named)
+        .or(identity.hosts.first());
+    let host = host.map_or_else(|| address.to_string(), String::clone);
+    Ok(Listening {
+        listener,
+        names: OwnNames::in_certificate(&identity.hosts, port),
+        tls: Some(identity.config),
+        base: format!("https://{}", named(&host, port)),
+    })
+}
+
+impl Listening {
+    /// Returns the link of a token; the word says what it allows.
+    pub(super) fn link(&self, word: &str, token: &str) -> String {
+        format!("{}/#{word}={token}", self.base)
+    }
 }
 
 impl Pages {
@@ -50,17 +99,27 @@ impl Pages {
     /// The system gives no thread.
     pub(super) fn start(
         server: PageServer,
-        (listener, port): (TcpListener, u16),
+        listening: Listening,
         folder: Option<PathBuf>,
         wake: Wake,
     ) -> Result<Pages, DashError> {
+        let venue = server.venue().name.clone();
         let (told, requests) = sync_channel(REQUESTS_WAITING);
         let sender = RequestSender::new(told, wake);
-        let http = HttpServer::start(listener, OwnNames::on_port(port), sender, folder);
+        let Listening {
+            listener,
+            names,
+            tls,
+            ..
+        } = listening;
+        let http = HttpServer::start((listener, tls), names, sender, folder);
         Ok(Pages {
             server,
             requests,
             pages: BTreeMap::new(),
+            answers: PixelAnswers::default(),
+            viewers: Viewers::default(),
+            venue,
             _http: http.map_err(DashError::Thread)?,
         })
     }
@@ -92,6 +151,28 @@ impl Pages {
                 self.pages.remove(&id);
                 self.server.closed(id);
             }
+            Request::OpenViewer {
+                token,
+                frames,
+                reply,
+            } => {
+                let opened = self
+                    .server
+                    .may_look(&token)
+                    .and_then(|()| self.viewers.open(now, &self.venue, frames));
+                // One that has gone meanwhile is told of as closed.
+                let _ = reply.send(opened);
+            }
+            Request::ViewerSaid(id, text) => self.viewers.hear(id, &text),
+            Request::ViewerClosed(id) => self.viewers.closed(id),
+            Request::Why {
+                authorization,
+                question,
+                reply,
+            } => {
+                let job = self.server.why(Some(&authorization), &question);
+                self.answers.give(job, reply);
+            }
             Request::Look {
                 what,
                 authorization,
@@ -101,6 +182,10 @@ impl Pages {
                 let text = match what {
                     LookWord::Metrics => self.server.metrics(now, token),
                     LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
+                    LookWord::Mesh => self.server.mesh(token),
+                    LookWord::Settings => self.server.settings(token),
+                    LookWord::Links(run) => self.server.links(token, RunId(run)),
+                    LookWord::Waypoints(places) => self.server.waypoints(token, &places),
                 };
                 let _ = reply.send(text);
             }
@@ -130,12 +215,18 @@ impl Pages {
 
     /// Returns when to look again at the latest.
     pub(super) fn until(&self, now: Time) -> Time {
-        self.server.deadline(now).min(now + LOOKS_EVERY)
+        let viewers = self.viewers.deadline().unwrap_or(Time::NEVER);
+        self.server
+            .deadline(now)
+            .min(now + LOOKS_EVERY)
+            .min(viewers)
     }
 
     /// Sends what is due to the pages, and returns what is due to others.
     pub(super) fn send_due(&mut self, now: Time) -> Vec<PageEffect> {
         let mut others = Vec::new();
+        let moment = self.server.present(now);
+        self.viewers.send_due(now, moment, self.server.board());
         for effect in self.server.due(now) {
             match effect {
                 PageEffect::Send(id, frame) => self.send(id, Outbound::Frame(frame)),

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 
 use super::super::clock::Clock;
 use super::pages::{self, Pages};
-use super::{DashError, simulated};
+use super::{DashError, PageAddress, simulated};
 use crate::config::Venue;
 use crate::dash::texts::{Showing, place};
 use crate::operator::HeardMessage;
@@ -28,7 +28,7 @@ impl RecordedPage {
         port: u16,
         run: impl IntoIterator<Item = (Time, HeardMessage)>,
     ) -> Result<RecordedPage, DashError> {
-        let (listener, port) = pages::listen(port)?;
+        let listening = pages::listen(&PageAddress::on_this_machine(port))?;
         let (mut server, look) = simulated::looking_only(venue, place(venue, Showing::Replay))?;
         for (at, heard) in run {
             server.hear(at, &heard);
@@ -41,8 +41,8 @@ impl RecordedPage {
             let _ = woken.try_send(());
         });
         Ok(RecordedPage {
-            link: pages::link(port, "look", &look),
-            pages: Pages::start(server, (listener, port), None, wake)?,
+            link: listening.link("look", &look),
+            pages: Pages::start(server, listening, None, wake)?,
             requests,
         })
     }

@@ -13,17 +13,21 @@ use serde_json::Value;
 
 use super::super::clock::Clock;
 use super::pages::{self, Pages};
-use super::{DashError, token};
-use crate::config::Venue;
+use super::{DashError, PageAddress, token};
+use crate::config::{Config, Imaging, Solver, Venue};
 use crate::dash::board::Board;
 use crate::dash::gate::Gate;
 use crate::dash::page_server::PageServer;
+use crate::dash::scene_mesh::{scene_mesh, sensors};
 use crate::dash::texts::{Showing, place, truth};
 use crate::geom::Lattice;
+use crate::ground::from_config::image_settings;
+use crate::ground::imager::Subject;
 use crate::operator::HeardMessage;
 use crate::sim::Scenario;
 use crate::sim::bus::BusListener;
 use crate::time::Time;
+use crate::tomo::ImagingSettings;
 
 /// What was heard and waits for the page; the run waits when there is more.
 const WAITING: usize = 4096;
@@ -58,16 +62,24 @@ impl SimulationPage {
         let outlines = scenario.outlines();
         let outlines = outlines.map_err(|error| DashError::Scenario(Box::new(error)))?;
         place["truth"] = truth(&outlines, scenario.persons());
-        let (listener, port) = pages::listen(port)?;
-        let (server, look) = looking_only(venue, place)?;
-        let link = pages::link(port, "look", &look);
+        place["sensors"] = sensors(&scenario.sim().range);
+        let populated = scenario.populated();
+        let populated = populated.map_err(|error| DashError::Scenario(Box::new(error)))?;
+        let listening = pages::listen(&PageAddress::on_this_machine(port))?;
+        let (mut server, look) = looking_only(venue, place)?;
+        server.set_mesh(scene_mesh(&populated));
+        server.set_settings(&Config::Sim(Box::new(scenario.sim().clone())));
+        let [structure, change] =
+            [Subject::Structure, Subject::Change].map(|of| images(scenario, of));
+        server.set_imaging(structure, change);
+        let link = listening.link("look", &look);
         let (inputs, waiting) = sync_channel(WAITING);
         let of_requests = inputs.clone();
         let wake = Arc::new(move || match of_requests.try_send(PageInput::Request) {
             // Who has much to take looks up soon anyway.
             Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
         });
-        let pages = Pages::start(server, (listener, port), None, wake)?;
+        let pages = Pages::start(server, listening, None, wake)?;
         let thread = std::thread::Builder::new().name("simulation page".to_owned());
         let thread = thread.spawn(move || serve(pages, &waiting));
         Ok(SimulationPage {
@@ -112,6 +124,17 @@ pub(super) fn looking_only(venue: &Venue, place: Value) -> Result<(PageServer, S
     // Whoever is shown is reached.
     server.set_linked(Time::ZERO, true);
     Ok((server, look))
+}
+
+/// Returns how a scenario's ground station images a subject, by the solver `map`, which knows what made a pixel.
+fn images(scenario: &Scenario, subject: Subject) -> ImagingSettings {
+    let sim = scenario.sim();
+    let imaging = Imaging {
+        solver: Solver::Map,
+        ..sim.imaging
+    };
+    let sensitivity_dbm = sim.radio.reception.sensitivity_dbm;
+    image_settings(&imaging, sim.venue.area, sensitivity_dbm, subject)
 }
 
 fn serve(mut pages: Pages, waiting: &Receiver<PageInput>) {

@@ -3,11 +3,16 @@
 
 /// The kind of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Schema {
+pub(crate) enum Schema {
+    /// A step of an actor.
     Step,
+    /// An actor as it was.
     Snapshot,
+    /// Where a vehicle is.
     Pose,
+    /// A map or an image.
     Grid,
+    /// A line for people.
     Log,
 }
 
@@ -16,7 +21,7 @@ const POSE: &str = r#""pose":{"type":"object","title":"foxglove.Pose","propertie
 
 impl Schema {
     /// Returns the name.
-    pub(super) fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Schema::Step => "tomoswarm.Step",
             Schema::Snapshot => "tomoswarm.Snapshot",
@@ -27,7 +32,7 @@ impl Schema {
     }
 
     /// Returns the JSON schema.
-    pub(super) fn text(self) -> String {
+    pub(crate) fn text(self) -> String {
         let properties = match self {
             Schema::Step => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"input":{"description":"the input"},"packed_input":{"type":"string","contentEncoding":"base64","description":"the input, when JSON cannot hold it"},"woken":{"type":"string","description":"the reason of the deadline, in place of input"},"outputs":{"type":"array","description":"the outputs, in order"},"fault":{"type":"string","description":"why the actor could not go on"}"#.to_owned(),
             Schema::Snapshot => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"packed":{"type":"string","contentEncoding":"base64","description":"the actor, for the same version of tomoswarm"}"#.to_owned(),

@@ -34,10 +34,13 @@ const INFO: u8 = 2;
 const ERROR: u8 = 4;
 
 /// A message for people.
-pub(super) struct MessageLine {
-    pub topic: String,
-    pub schema: Schema,
-    pub value: Value,
+pub(crate) struct MessageLine {
+    /// Its topic.
+    pub(crate) topic: String,
+    /// Its kind.
+    pub(crate) schema: Schema,
+    /// What it says.
+    pub(crate) value: Value,
 }
 
 /// What has been seen so far.
@@ -191,31 +194,8 @@ impl RecordingView {
         {
             return None;
         }
-        let extent = self.map.extent(SLICE)?;
-        let (columns, rows) = (
-            extent.width_cells() as usize,
-            extent.height_cells() as usize,
-        );
-        if columns.saturating_mul(rows) > CELLS {
-            return None;
-        }
+        let grid = map_grid(&self.map)?;
         (self.is_map_new, self.map_shown_at) = (false, Some(now));
-        let cells = (extent.low.y..=extent.high.y)
-            .flat_map(|y| (extent.low.x..=extent.high.x).map(move |x| Cell::new(x, y)));
-        let byte = |cell: Cell| self.map.value(SLICE, cell).clamp(-127, 127) as i8;
-        let bytes: Vec<u8> = cells.map(|cell| byte(cell).cast_unsigned()).collect();
-        let cell_m = self.map.lattice().cell_m();
-        let corner = Point::new(
-            f64::from(extent.low.x) * cell_m,
-            f64::from(extent.low.y) * cell_m,
-        );
-        let grid = Grid {
-            corner,
-            cell_m: (cell_m, cell_m),
-            columns,
-            field: ("log_odds_tenths", INT8, 1),
-            bytes,
-        };
         Some(self.shown("map", Schema::Grid, grid.json(now)))
     }
 
@@ -229,26 +209,14 @@ impl RecordingView {
             Err(reason) => return Some(self.log(now, ERROR, "imager", reason)),
         };
         let grid = made.image.grid;
-        let values = made.image.values.iter();
-        let bytes = values
-            .flat_map(|value| (*value as f32).to_le_bytes())
-            .collect();
+        let values = made.image.values.iter().map(|value| *value as f32);
         let cell_m = (grid.dx_m(), grid.dy_m());
-        let (corner, columns) = (grid.area.min, grid.columns);
-        let grid = Grid {
-            corner,
-            cell_m,
-            columns,
-            field: ("db_per_m", FLOAT32, 4),
-            bytes,
-        };
+        let grid = image_grid(grid.area.min, cell_m, grid.columns, values);
         Some(self.shown(topic, Schema::Grid, grid.json(now)))
     }
 
     fn log(&self, now: Time, level: u8, name: &str, message: &str) -> MessageLine {
-        let value = json!({
-            "timestamp": timestamp(now), "level": level, "message": message, "name": name, "file": "", "line": 0,
-        });
+        let value = log_line(now, level == ERROR, name, message);
         self.shown("log", Schema::Log, value)
     }
 
@@ -261,8 +229,60 @@ impl RecordingView {
     }
 }
 
+/// Returns a merged map as a grid; `None` when nothing is known, or too much.
+pub(crate) fn map_grid(map: &Merged) -> Option<Grid> {
+    let extent = map.extent(SLICE)?;
+    let (columns, rows) = (
+        extent.width_cells() as usize,
+        extent.height_cells() as usize,
+    );
+    if columns.saturating_mul(rows) > CELLS {
+        return None;
+    }
+    let cells = (extent.low.y..=extent.high.y)
+        .flat_map(|y| (extent.low.x..=extent.high.x).map(move |x| Cell::new(x, y)));
+    let byte = |cell: Cell| map.value(SLICE, cell).clamp(-127, 127) as i8;
+    let bytes: Vec<u8> = cells.map(|cell| byte(cell).cast_unsigned()).collect();
+    let cell_m = map.lattice().cell_m();
+    let corner = Point::new(
+        f64::from(extent.low.x) * cell_m,
+        f64::from(extent.low.y) * cell_m,
+    );
+    Some(Grid {
+        corner,
+        cell_m: (cell_m, cell_m),
+        columns,
+        field: ("log_odds_tenths", INT8, 1),
+        bytes,
+    })
+}
+
+/// Returns an image as a grid, dB/m, of what it covers and its columns.
+pub(crate) fn image_grid(
+    corner: Point,
+    cell_m: (f64, f64),
+    columns: usize,
+    values: impl Iterator<Item = f32>,
+) -> Grid {
+    Grid {
+        corner,
+        cell_m,
+        columns,
+        field: ("db_per_m", FLOAT32, 4),
+        bytes: values.flat_map(f32::to_le_bytes).collect(),
+    }
+}
+
+/// Returns a line of a log.
+pub(crate) fn log_line(now: Time, is_error: bool, name: &str, message: &str) -> Value {
+    let level = if is_error { ERROR } else { INFO };
+    json!({
+        "timestamp": timestamp(now), "level": level, "message": message, "name": name, "file": "", "line": 0,
+    })
+}
+
 /// A grid of one value per cell, rows from south to north.
-struct Grid {
+pub(crate) struct Grid {
     corner: Point,
     cell_m: (f64, f64),
     columns: usize,
@@ -271,7 +291,8 @@ struct Grid {
 }
 
 impl Grid {
-    fn json(&self, now: Time) -> Value {
+    /// Returns it as a message.
+    pub(crate) fn json(&self, now: Time) -> Value {
         let (name, kind, size) = self.field;
         let corner = json!({"x": self.corner.x_m, "y": self.corner.y_m, "z": 0.0});
         json!({
@@ -289,7 +310,7 @@ impl Grid {
 }
 
 /// Returns where a vehicle is; `None` when it does not know.
-fn pose(now: Time, state: &State) -> Option<MessageLine> {
+pub(crate) fn pose(now: Time, state: &State) -> Option<MessageLine> {
     let pose = state.pose?;
     let position = json!({"x": pose.at.x_m(), "y": pose.at.y_m(), "z": pose.at.z_m()});
     let value = json!({

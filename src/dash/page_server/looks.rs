@@ -1,0 +1,160 @@
+//! What is answered to whoever may look, beside the feed: metrics, the checks before a start, what stands in a simulation, what is
+//! set, files, and which links made a pixel. Each judges the token first, and changes nothing.
+
+use std::collections::BTreeSet;
+
+use serde_json::json;
+use tomoswarm_proto::{ImageSubject, RunId};
+
+use super::PageServer;
+use crate::dash::gate::GateRefusal;
+use crate::dash::metrics::metrics;
+use crate::dash::run_files::{links_csv, waypoints};
+use crate::dash::why::{WhyJob, WhyQuestion, settings_of};
+use crate::geom::Point;
+use crate::operator::preflight::{Requirements, inspect, is_go};
+use crate::operator::status::Expected;
+use crate::time::Time;
+use crate::tomo::ImagingSettings;
+
+impl PageServer {
+    /// Returns the metrics for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        Ok(metrics(self.present(now), &self.board))
+    }
+
+    /// Returns what stands in the scene of a simulation, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's; it is not known what stands there.
+    pub fn mesh(&self, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        if self.mesh.is_empty() {
+            let reason = "what truly stands here is known in a simulation only";
+            return Err(GateRefusal::Unreadable(reason.to_owned()));
+        }
+        Ok(self.mesh.clone())
+    }
+
+    /// Returns what is set, TOML with the meaning of each key, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn settings(&self, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        Ok(self.settings.clone())
+    }
+
+    /// Returns the links of a run as a file of `tomoswarm image`, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's; nothing was heard of the run.
+    pub fn links(&self, authorization: Option<&str>, run: RunId) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let links = self.links.of(run);
+        if links.is_empty() {
+            let reason = format!("this page has heard no samples of run {run}");
+            return Err(GateRefusal::Unreadable(reason));
+        }
+        Ok(links_csv(&links))
+    }
+
+    /// Returns places (JSON, `[[x, y], …]`, metres) as a mission of QGroundControl, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's; they are no places of the venue.
+    pub fn waypoints(
+        &self,
+        authorization: Option<&str>,
+        places: &[u8],
+    ) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let places: Vec<[f64; 2]> = serde_json::from_slice(places)
+            .map_err(|error| GateRefusal::Unreadable(format!("no places: {error}")))?;
+        waypoints(&self.venue, &places).map_err(GateRefusal::Unreadable)
+    }
+
+    /// Returns what is needed to say which links made a pixel of the newest image, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's; the question cannot be read; there is no such image, or no links of it.
+    pub fn why(&self, authorization: Option<&str>, question: &[u8]) -> Result<WhyJob, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let unreadable = |reason: String| GateRefusal::Unreadable(reason);
+        let asked: WhyQuestion = serde_json::from_slice(question)
+            .map_err(|error| unreadable(format!("not a question: {error}")))?;
+        let (subject, is_change) = match asked.subject {
+            0 => (ImageSubject::Structure, false),
+            1 => (ImageSubject::Change, true),
+            _ => return Err(unreadable("subject: 0 or 1 is expected".to_owned())),
+        };
+        let newest = self.board.image(subject);
+        let image = newest.and_then(|newest| newest.parts.values().next());
+        let image = image.ok_or_else(|| unreadable("there is no such image yet".to_owned()))?;
+        let usual = settings_of(image, is_change);
+        let known = self.imaging.map(|of| of[usize::from(is_change)]);
+        let settings = known.map_or(usual, |known| ImagingSettings {
+            grid: usual.grid,
+            ..known
+        });
+        let empty_run = is_change.then(|| self.compared_with(image.run)).flatten();
+        let job = WhyJob {
+            run: image.run,
+            empty_run,
+            now: self.links.of(image.run),
+            empty: empty_run.map(|run| self.links.of(run)),
+            settings,
+            at: Point::new(asked.at[0], asked.at[1]),
+        };
+        let lacks = job.now.is_empty() || job.empty.as_ref().is_some_and(Vec::is_empty);
+        if lacks || (is_change && job.empty.is_none()) {
+            let reason = "this page has not heard the samples of the run, or of the empty one: it began later";
+            return Err(unreadable(reason.to_owned()));
+        }
+        Ok(job)
+    }
+
+    /// Returns the run that a run is compared with, as the ground station says.
+    fn compared_with(&self, run: RunId) -> Option<RunId> {
+        let mut reports = self
+            .board
+            .view()
+            .grounds()
+            .flat_map(|report| &report.value.runs);
+        reports.find(|report| report.run == run)?.compared_with
+    }
+
+    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
+    /// that all are to run.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn preflight(
+        &self,
+        now: Time,
+        authorization: Option<&str>,
+        software: &str,
+    ) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let now = self.present(now);
+        let view = self.board.view();
+        let everyone = Expected {
+            vehicles: BTreeSet::new(),
+            ground: true,
+        };
+        let needs = Requirements {
+            vehicles: everyone.vehicles(view, now),
+            venue_hash: self.board.venue_hash(),
+            fence: self.venue.fence.clone(),
+            homes: self.venue.homes.clone(),
+            pose_sd_max_m: None,
+            software: software.to_owned(),
+        };
+        let nodes = inspect(view, &needs, now);
+        Ok(json!({ "isGo": is_go(&nodes), "nodes": nodes }).to_string())
+    }
+}

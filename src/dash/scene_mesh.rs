@@ -1,0 +1,77 @@
+//! The triangles of a simulated scene as text (JSON), for a page that draws it; and where its vehicles' range sensors look. It says
+//! what stands there and computes nothing.
+
+use serde_json::{Value, json};
+
+use crate::config::RangeSensor;
+use crate::scene::{Object, Scene};
+
+/// Corners are told in these parts of a metre.
+const PARTS_PER_M: f64 = 1000.0;
+
+/// Returns the triangles of a scene, object by object: corners once, in millimetres, x, y, z in turn, and three numbers of
+/// corners a triangle.
+pub fn scene_mesh(scene: &Scene) -> String {
+    let objects: Vec<Value> = scene.objects().iter().map(object).collect();
+    json!({ "objects": objects }).to_string()
+}
+
+fn object(object: &Object) -> Value {
+    let mesh = object.shape.surface();
+    let part = |of: &f64| (of * PARTS_PER_M).round() as i64;
+    json!({
+        "name": object.name,
+        "isClosed": object.closed,
+        "corners_mm": mesh.vertices().iter().flatten().map(part).collect::<Vec<_>>(),
+        "triangles": mesh.triangles().iter().flatten().collect::<Vec<_>>(),
+    })
+}
+
+/// Returns where the range sensors of simulated vehicles look, and how far.
+pub fn sensors(range: &RangeSensor) -> Value {
+    json!({
+        "beams_rad": range.look.beams_deg.iter().map(|beam| beam.to_radians()).collect::<Vec<_>>(),
+        "half_angle_rad": range.look.half_angle_deg.to_radians(),
+        "max_range_m": range.look.max_range_m,
+        "height_m": range.height_m,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Point;
+    use crate::scene::{Material, Person, SceneParts};
+
+    #[test]
+    fn a_scene_is_told_by_its_corners_in_millimetres_and_by_its_triangles() {
+        let person = Person {
+            name: "<b>".to_owned(),
+            at: Point::new(2.0, 3.0),
+            radius_m: 0.25,
+            height_m: 1.8,
+            db_per_m: 10.0,
+        };
+        let parts = SceneParts {
+            shapes: &[],
+            offset_m: [0.0; 3],
+            materials: &Default::default(),
+            default_material: Material::default(),
+            posts: &[],
+            persons: &[person],
+        };
+        let scene = Scene::build(&parts).unwrap();
+        let said: Value = serde_json::from_str(&scene_mesh(&scene)).unwrap();
+        let object = &said["objects"][0];
+        assert_eq!(object["name"], "<b>");
+        let corners: Vec<i64> = serde_json::from_value(object["corners_mm"].clone()).unwrap();
+        let triangles: Vec<usize> = serde_json::from_value(object["triangles"].clone()).unwrap();
+        assert!(corners.len() % 3 == 0 && triangles.len() % 3 == 0 && triangles.len() > 30);
+        assert!(triangles.iter().all(|corner| corner * 3 < corners.len()));
+        for corner in corners.chunks(3) {
+            let away_mm = f64::hypot(corner[0] as f64 - 2000.0, corner[1] as f64 - 3000.0);
+            assert!((200.0..=300.0).contains(&away_mm), "{corner:?}");
+            assert!(corner[2] == 0 || corner[2] == 1800, "{corner:?}");
+        }
+    }
+}

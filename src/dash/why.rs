@@ -1,0 +1,197 @@
+//! Why a pixel is dark: which links made it, how much each, and what the image leaves unexplained of it. It is asked by a page
+//! ([`WhyQuestion`]), made of the links that were heard ([`super::links`]), and answered apart from the server's loop, since it
+//! takes about a second.
+//!
+//! Only the solver `map` knows which links made a pixel, so that is what answers, on the grid of the image that is shown; its value
+//! and that of an image by another solver differ, and the page says both.
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+use tomoswarm_proto::{Image, RunId};
+
+use crate::geom::{PixelGrid, Point, Rect, Segment};
+use crate::tomo::{Extras, Imager, ImagingSettings, Link, LinkShare};
+
+/// Links that are told, those that add or take most.
+const TOLD: usize = 200;
+/// An image of more pixels is not computed again for a question.
+const MOST_PIXELS: usize = 40_000;
+
+/// What a page asks.
+#[derive(Clone, PartialEq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WhyQuestion {
+    /// 0 = the image of the structure, 1 = that of the change.
+    pub subject: u8,
+    /// The place, metres.
+    pub at: [f64; 2],
+}
+
+/// What is needed for the answer.
+#[derive(Clone, Debug)]
+pub struct WhyJob {
+    /// Of which run.
+    pub run: RunId,
+    /// The run that it is compared with.
+    pub empty_run: Option<RunId>,
+    /// Links of the run.
+    pub now: Vec<Link>,
+    /// Links of the empty run.
+    pub empty: Option<Vec<Link>>,
+    /// How it is imaged.
+    pub settings: ImagingSettings,
+    /// The place.
+    pub at: Point,
+}
+
+/// Returns how an image is made again by the solver `map`: as is usual for its area, on its grid.
+pub fn settings_of(image: &Image, is_change: bool) -> ImagingSettings {
+    let corner = |at: tomoswarm_proto::Position| Point::new(at.x_m(), at.y_m());
+    let area = Rect::new(corner(image.area.least), corner(image.area.greatest));
+    let usual = match is_change {
+        true => ImagingSettings::for_change(area),
+        false => ImagingSettings::for_area(area),
+    };
+    ImagingSettings {
+        grid: PixelGrid {
+            area,
+            columns: usize::from(image.columns),
+            rows: usize::from(image.rows),
+        },
+        ..usual
+    }
+}
+
+impl WhyJob {
+    /// Returns the answer as text (JSON).
+    ///
+    /// # Errors
+    /// The place is outside of the image, or there is no image; in words.
+    pub fn answer(&self) -> Result<String, String> {
+        let grid = &self.settings.grid;
+        if grid.columns * grid.rows > MOST_PIXELS {
+            return Err(format!("the image has more than {MOST_PIXELS} pixels"));
+        }
+        let pixel = grid.pixel_at(self.at);
+        let pixel = pixel.ok_or("this place is outside of the image")?;
+        let extras = Extras {
+            shares_of: Some(pixel),
+            ..Extras::default()
+        };
+        let mut imager = Imager::new(self.settings).map_err(|error| error.to_string())?;
+        let made = imager.update(&self.now, self.empty.as_deref(), extras);
+        let made = made.map_err(|error| error.to_string())?;
+        let shares = made.shares.ok_or("no link made this pixel")?;
+        let nearest = shares.links.iter().map(|link| distance_m(link, shares.at));
+        Ok(json!({
+            "run": self.run.0,
+            "emptyRun": self.empty_run.map(|run| run.0),
+            "at": [shares.at.x_m, shares.at.y_m],
+            "value_dbpm": shares.value,
+            "links": shares.links.len(),
+            "nearest_m": nearest.min_by(f64::total_cmp),
+            "residualRms_db": made.residual_rms_db,
+            "leastCovered_deg": least_covered_deg(&shares.links, shares.at),
+            "told": shares.links.iter().take(TOLD).map(link).collect::<Vec<_>>(),
+        })
+        .to_string())
+    }
+}
+
+fn link(of: &LinkShare) -> Value {
+    let metres = |at: Point| [(at.x_m * 1e3).round() / 1e3, (at.y_m * 1e3).round() / 1e3];
+    let parts = |value: f64| (value * 1e4).round() / 1e4;
+    json!({
+        "from": metres(of.from),
+        "to": metres(of.to),
+        "share_dbpm": parts(of.share),
+        "loss_db": parts(of.attenuation_db),
+        "sd_db": parts(of.sd_db),
+        "residual_db": parts(of.residual_db),
+    })
+}
+
+/// Returns how far a link passes from a place, metres.
+fn distance_m(link: &LinkShare, at: Point) -> f64 {
+    Segment::new(link.from, link.to).distance_to_point(at)
+}
+
+/// Links nearer than this go through a place, metres.
+const THROUGH_M: f64 = 0.75;
+/// Directions that are told apart.
+const SECTORS: usize = 12;
+
+/// Returns from which direction fewest links go through a place: the middle of a sector of 15°, counter-clockwise from the x axis, 0
+/// to 180; `None` when none goes through.
+fn least_covered_deg(links: &[LinkShare], at: Point) -> Option<f64> {
+    let mut counts = [0_usize; SECTORS];
+    for link in links.iter().filter(|link| distance_m(link, at) < THROUGH_M) {
+        let along = link.to - link.from;
+        let turn = libm::atan2(along.y_m, along.x_m) / std::f64::consts::PI;
+        let share = (turn + 1.0).fract();
+        counts[((share * SECTORS as f64) as usize).min(SECTORS - 1)] += 1;
+    }
+    let (sector, _) = counts.iter().enumerate().min_by_key(|(_, count)| **count)?;
+    let is_any = counts.iter().any(|count| *count > 0);
+    is_any.then(|| (sector as f64 + 0.5) * 180.0 / SECTORS as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(at: Point) -> WhyJob {
+        let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
+        let mut now = Vec::new();
+        for k in 0..10 {
+            let x_m = f64::from(k) * 2.0 + 1.0;
+            let is_dark = k == 4;
+            let strength = if is_dark { -75.0 } else { -60.0 };
+            let up = (Point::new(x_m, 0.0), Point::new(x_m, 20.0));
+            let across = (Point::new(0.0, x_m), Point::new(20.0, x_m));
+            now.push(Link::fixed(up.0, up.1, 20, strength));
+            now.push(Link::fixed(across.0, across.1, 20, strength));
+        }
+        WhyJob {
+            run: RunId(2),
+            empty_run: None,
+            now,
+            empty: None,
+            settings: ImagingSettings::for_area(area),
+            at,
+        }
+    }
+
+    #[test]
+    fn a_pixel_is_the_sum_of_its_links_and_the_strongest_go_through_it() {
+        let answer = job(Point::new(9.0, 9.0)).answer().unwrap();
+        let said: Value = serde_json::from_str(&answer).unwrap();
+        let told = said["told"].as_array().unwrap();
+        let sum: f64 = told
+            .iter()
+            .map(|of| of["share_dbpm"].as_f64().unwrap())
+            .sum();
+        assert!(
+            (sum - said["value_dbpm"].as_f64().unwrap()).abs() < 0.01,
+            "{answer}"
+        );
+        assert!(sum > 0.05, "{answer}");
+        for strongest in &told[..2] {
+            let ends = [&strongest["from"], &strongest["to"]];
+            let is_through = ends.iter().any(|end| end[0] == 9.0 || end[1] == 9.0);
+            assert!(is_through, "{strongest}");
+        }
+        // Links go through it along x and along y only.
+        let least = said["leastCovered_deg"].as_f64().unwrap();
+        assert!((20.0..70.0).contains(&least), "{least}");
+    }
+
+    #[test]
+    fn a_place_outside_and_a_run_without_links_are_said() {
+        let outside = job(Point::new(90.0, 9.0)).answer();
+        assert!(outside.unwrap_err().contains("outside"));
+        let mut empty = job(Point::new(9.0, 9.0));
+        empty.now.clear();
+        assert!(empty.answer().unwrap_err().contains("no link"));
+    }
+}

@@ -1,0 +1,159 @@
+// What is set, with the meaning of each key as it is declared, searched by words; and the files of runs, saved on this machine.
+
+import { imageCanvas } from "./image.js";
+
+export class SettingsPanel {
+  constructor(model, scene, token) {
+    Object.assign(this, { model, scene, token });
+    this.wanted = () => {};
+    this.rows = null;
+    this.find = document.getElementById("settings-find");
+    this.find.addEventListener("input", () => this.list());
+    const on = (id, act) => document.getElementById(id).addEventListener("click", act);
+    on("save-links", () => this.saveLinks());
+    on("save-image", () => this.saveImage());
+    on("save-picture", () => this.savePicture());
+    on("save-waypoints", () => this.saveWaypoints());
+    document.getElementById("save-run").addEventListener("input", () => this.showCommand());
+  }
+
+  draw() {
+    if (this.place !== this.model.place) {
+      this.place = this.model.place;
+      this.load();
+    }
+    const field = document.getElementById("save-run");
+    if (field.value === "" && this.model.ground?.run) field.value = String(this.model.ground.run);
+    this.showCommand();
+  }
+
+  showCommand() {
+    const run = document.getElementById("save-run").value || "N";
+    document.getElementById("save-command").textContent = `tomoswarm export STORE --out FOLDER --run ${run}`;
+  }
+
+  async load() {
+    const answer = await this.ask("settings");
+    if (!answer) return;
+    this.rows = rowsOf(await answer.text());
+    this.list();
+  }
+
+  list() {
+    const words = this.find.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const rows = (this.rows ?? []).filter((row) => words.every((word) => row.text.includes(word)));
+    document.getElementById("settings-count").textContent = `${rows.length} of ${this.rows?.length ?? 0} keys`;
+    document.getElementById("settings-list").replaceChildren(...rows.map(rowElement));
+  }
+
+  /** The answer, or null after saying why there is none. */
+  async ask(what, options = {}) {
+    try {
+      const headers = { Authorization: `Bearer ${this.token}` };
+      const answer = await fetch(what, { ...options, headers });
+      if (answer.ok) return answer;
+      this.say(`Not saved: ${await answer.text()}.`);
+    } catch {
+      this.say("Not saved: the server does not answer.");
+    }
+    return null;
+  }
+
+  say(text) {
+    document.getElementById("save-result").textContent = text;
+  }
+
+  run() {
+    return Number(document.getElementById("save-run").value);
+  }
+
+  async saveLinks() {
+    const answer = await this.ask(`links?run=${this.run()}`);
+    if (answer) this.save(`run-${this.run()}-links.csv`, [await answer.text()], "text/csv");
+  }
+
+  image() {
+    const image = this.model.images.get(Number(document.getElementById("image-subject").value));
+    if (!image) this.say("Not saved: there is no image yet.");
+    return image;
+  }
+
+  name(image) {
+    return `run-${image.run}-${image.subject === 1 ? "change" : "structure"}`;
+  }
+
+  /** The values as NumPy has them: rows from south to north, dB/m. */
+  saveImage() {
+    const image = this.image();
+    if (image) this.save(`${this.name(image)}.npy`, [npyHeader(image.rows, image.columns), image.mean.buffer], "application/octet-stream");
+  }
+
+  savePicture() {
+    const image = this.image();
+    if (!image) return;
+    const plane = document.getElementById("image-plane").value;
+    imageCanvas(this.model, image, plane, false).toBlob((blob) => this.save(`${this.name(image)}-${plane}.png`, [blob], "image/png"));
+  }
+
+  async saveWaypoints() {
+    const places = this.scene.sketch;
+    if (places.length === 0) {
+      this.say("Not saved: no places are drawn; choose a mission with places under Begin, and point at the scene.");
+      return;
+    }
+    const answer = await this.ask("waypoints", { method: "POST", body: JSON.stringify(places) });
+    if (answer) this.save("places.waypoints", [await answer.text()], "text/plain");
+  }
+
+  save(name, parts, type) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob(parts, { type }));
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    this.say(`Saved: ${name}.`);
+  }
+}
+
+/** Keys with values and meanings of a file as the program writes it: KEY = VALUE  # unit, meaning. */
+export function rowsOf(text) {
+  const rows = [];
+  let table = "";
+  for (const line of text.split("\n")) {
+    const head = line.match(/^\[+([^\]]+)\]+/);
+    if (head) table = head[1];
+    const found = line.match(/^([A-Za-z0-9_]+) = (.*)$/);
+    if (head || !found) continue;
+    const [value, means] = split(found[2]);
+    rows.push({ table, key: found[1], value, means, text: `${table} ${found[1]} ${value} ${means}`.toLowerCase() });
+  }
+  return rows;
+}
+
+/** A value and its comment; a # within quotes begins none. */
+function split(rest) {
+  let isQuoted = false;
+  for (let at = 0; at < rest.length; at++) {
+    if (rest[at] === '"' && rest[at - 1] !== "\\") isQuoted = !isQuoted;
+    if (rest[at] === "#" && !isQuoted) return [rest.slice(0, at).trim(), rest.slice(at + 1).trim()];
+  }
+  return [rest.trim(), ""];
+}
+
+function rowElement({ table, key, value, means }) {
+  const made = document.createElement("li");
+  const name = document.createElement("code");
+  name.textContent = `${table ? `${table}.` : ""}${key} = ${value}`;
+  made.append(name, ` ${means}`);
+  return made;
+}
+
+/** The header of a file of NumPy, version 1.0, of 32-bit floats. */
+function npyHeader(rows, columns) {
+  const text = `{'descr': '<f4', 'fortran_order': False, 'shape': (${rows}, ${columns}), }`;
+  const padded = text.padEnd(Math.ceil((text.length + 11) / 64) * 64 - 11, " ") + "\n";
+  const bytes = new Uint8Array(10 + padded.length);
+  bytes.set([0x93, 0x4e, 0x55, 0x4d, 0x50, 0x59, 1, 0, padded.length & 255, padded.length >> 8]);
+  for (let i = 0; i < padded.length; i++) bytes[10 + i] = padded.charCodeAt(i);
+  return bytes;
+}

@@ -1,0 +1,76 @@
+// Which view of the scene is seen: from above, in three dimensions, or with a vehicle. What 3D needs is loaded when it is asked
+// for first; where it cannot be (no WebGL, no three.js), the view from above stays, and a line says why.
+
+import { say } from "./stop.js";
+
+const NAMES = { plane: "2D", space: "3D", ride: "ride" };
+
+export class SceneView {
+  /** `chosen` is told when another view is seen. */
+  constructor(model, fleet, plane, token) {
+    Object.assign(this, { model, fleet, plane, token });
+    this.current = "plane";
+    this.space = null;
+    this.riding = null;
+    this.wanted = () => {};
+    this.buttons = Object.keys(NAMES).map((name) => [name, document.getElementById(`view-${name}`)]);
+    for (const [name, button] of this.buttons) button.addEventListener("click", () => this.choose(name));
+    addEventListener("selected", () => this.follow());
+    addEventListener("keydown", (event) => {
+      const isOff = document.documentElement.dataset.keys === "off" || event.target.matches?.("input, select, textarea");
+      const name = { v: this.current === "plane" ? "space" : "plane", g: "ride" }[event.key.toLowerCase()];
+      if (name && !isOff && !event.ctrlKey && !event.altKey && !event.metaKey) this.choose(name);
+    });
+    this.show();
+  }
+
+  async choose(name) {
+    if (name !== "plane" && !(await this.load())) return;
+    this.current = name;
+    this.follow();
+    this.space?.enter(this.current);
+    this.show();
+    this.wanted();
+  }
+
+  /** The vehicle that is ridden with: the first that is selected, or else the first of all. */
+  follow() {
+    const ids = [...this.fleet.selected].sort((a, b) => a - b);
+    const placed = this.model.ids().filter((id) => this.model.states.get(id)?.isPlaced);
+    this.riding = ids.find((id) => placed.includes(id)) ?? (placed.includes(this.riding) ? this.riding : placed[0] ?? null);
+    if (this.space) this.space.riding = this.riding;
+    this.show();
+    if (this.current === "ride") this.wanted();
+  }
+
+  /** Whether there are three dimensions. */
+  async load() {
+    if (this.space) return true;
+    try {
+      const { Space } = await import("./scene3d.js");
+      this.space = new Space(this.model, this.plane, this.token);
+      this.space.wanted = () => this.wanted();
+      return true;
+    } catch (error) {
+      say(`3D cannot be shown here: ${error.message} The view from above shows the same, and STOP works.`);
+      return false;
+    }
+  }
+
+  show() {
+    const isPlane = this.current === "plane";
+    for (const [name, button] of this.buttons) {
+      button.setAttribute("aria-pressed", String(name === this.current));
+      const whom = name === "ride" && this.riding !== null ? ` ${this.riding}` : "";
+      button.textContent = `${NAMES[name]}${whom}`;
+    }
+    document.getElementById("plane").hidden = !isPlane;
+    document.getElementById("space").hidden = isPlane;
+    document.getElementById("space-keys").hidden = isPlane;
+  }
+
+  draw(now_ms) {
+    if (this.current === "plane") this.plane.draw(now_ms);
+    else this.space.draw(now_ms);
+  }
+}

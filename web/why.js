@@ -1,0 +1,106 @@
+// Why a pixel is dark: its value as the sum of what each link adds, asked from the server, told in words and drawn through the scene.
+// The picture is pointed at, or a place is given.
+
+const CRIMSON = [185, 10, 50];
+const TEAL = [0, 120, 112];
+/** Links in words, and drawn. */
+const WORDS = 6;
+const DRAWN = 60;
+/** Links that add less than this share of the strongest are not drawn. */
+const LEAST = 0.05;
+
+export class WhyPanel {
+  constructor(model, scene, token) {
+    Object.assign(this, { model, scene, token });
+    this.fields = ["why-x", "why-y"].map((id) => document.getElementById(id));
+    this.result = document.getElementById("why-result");
+    document.getElementById("why-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.ask(this.fields.map((field) => Number(field.value)));
+    });
+    document.getElementById("why-clear").addEventListener("click", () => this.clear());
+    document.getElementById("heat").addEventListener("click", (event) => this.point(event));
+  }
+
+  subject() {
+    return Number(document.getElementById("image-subject").value);
+  }
+
+  /** The place of the picture that was pointed at. */
+  point(event) {
+    const image = this.model.images.get(this.subject());
+    if (!image) return;
+    const box = event.target.getBoundingClientRect();
+    const [across, down] = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+    const x = image.least_x_mm + across * (image.greatest_x_mm - image.least_x_mm);
+    const y = image.greatest_y_mm - down * (image.greatest_y_mm - image.least_y_mm);
+    const place = [x, y].map((mm) => Math.round(mm / 10) / 100);
+    this.fields.forEach((field, axis) => { field.value = String(place[axis]); });
+    this.ask(place);
+  }
+
+  async ask(at) {
+    this.result.textContent = "The links are being asked …";
+    document.getElementById("why-links").replaceChildren();
+    try {
+      const answer = await fetch("why", {
+        method: "POST",
+        headers: { Authorization: `Bearer ${this.token}`, "Content-Type": "application/json" },
+        body: JSON.stringify({ subject: this.subject(), at }),
+      });
+      const text = await answer.text();
+      if (answer.ok) this.show(JSON.parse(text));
+      else this.refuse(text);
+    } catch {
+      this.refuse("the server does not answer");
+    }
+  }
+
+  refuse(why) {
+    this.clear();
+    this.result.textContent = `No answer: ${why}.`;
+  }
+
+  clear() {
+    this.scene.why = null;
+    this.scene.wanted();
+    this.result.textContent = "Point at the image, or give a place.";
+    document.getElementById("why-links").replaceChildren();
+    document.getElementById("why-clear").hidden = true;
+  }
+
+  show(answer) {
+    const image = this.model.images.get(this.subject());
+    const shown = image ? valueAt(image, answer.at) : NaN;
+    const [x, y] = answer.at.map((metres) => metres.toFixed(2));
+    const least = answer.leastCovered_deg === null ? "no link goes through it" : `fewest links come from ${answer.leastCovered_deg.toFixed(0)}° to the x axis`;
+    const empty = answer.emptyRun === null ? "" : ` against run ${answer.emptyRun}`;
+    this.result.textContent =
+      `x ${x}, y ${y} m: ${answer.value_dbpm.toFixed(3)} dB/m is the sum of ${answer.links} links of run ${answer.run}${empty} (solver map); ` +
+      `the image shows ${Number.isNaN(shown) ? "nothing" : shown.toFixed(3)}. ${least}; ${answer.residualRms_db.toFixed(1)} dB stay unexplained.`;
+    const strongest = Math.abs(answer.told[0]?.share_dbpm ?? 1) || 1;
+    const drawn = answer.told.slice(0, DRAWN).filter((link) => Math.abs(link.share_dbpm) >= LEAST * strongest);
+    const lines = drawn.map((link) => ({ ...link, colour: link.share_dbpm >= 0 ? CRIMSON : TEAL, share: Math.abs(link.share_dbpm) / strongest }));
+    this.scene.why = { at: answer.at, lines };
+    this.scene.wanted();
+    document.getElementById("why-links").replaceChildren(...answer.told.slice(0, WORDS).map(inWords));
+    document.getElementById("why-clear").hidden = false;
+  }
+}
+
+function inWords(link) {
+  const place = ([x, y]) => `(${x.toFixed(1)}, ${y.toFixed(1)})`;
+  const made = document.createElement("li");
+  const adds = link.share_dbpm >= 0 ? "adds" : "takes";
+  made.textContent =
+    `${place(link.from)} to ${place(link.to)} ${adds} ${Math.abs(link.share_dbpm).toFixed(3)} dB/m: lost ${link.loss_db.toFixed(1)} ± ` +
+    `${link.sd_db.toFixed(1)} dB, ${link.residual_db.toFixed(1)} dB of it unexplained`;
+  return made;
+}
+
+function valueAt(image, [x, y]) {
+  const share = (at, least, greatest) => (at * 1000 - least) / (greatest - least);
+  const column = Math.floor(share(x, image.least_x_mm, image.greatest_x_mm) * image.columns);
+  const row = Math.floor(share(y, image.least_y_mm, image.greatest_y_mm) * image.rows);
+  return image.mean[row * image.columns + column] ?? NaN;
+}
