@@ -66,7 +66,8 @@ mod tests {
         assert_eq!(object["name"], "<b>");
         let corners: Vec<i64> = serde_json::from_value(object["corners_mm"].clone()).unwrap();
         let triangles: Vec<usize> = serde_json::from_value(object["triangles"].clone()).unwrap();
-        assert!(corners.len() % 3 == 0 && triangles.len() % 3 == 0 && triangles.len() > 30);
+        assert!(corners.len().is_multiple_of(3) && triangles.len().is_multiple_of(3));
+        assert!(triangles.len() > 30);
         assert!(triangles.iter().all(|corner| corner * 3 < corners.len()));
         for corner in corners.chunks(3) {
             let away_mm = f64::hypot(corner[0] as f64 - 2000.0, corner[1] as f64 - 3000.0);

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kind::DriveRoute;
-use super::terrain::{PathSearch, RULES, Resolution};
+use super::terrain::{PathSearch, RULES, ReachedGround, Resolution};
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{Bar, CellRect};
 use crate::plan::{Distances, NoRoute, SearchGrid, shortest_route};
@@ -110,7 +110,7 @@ impl Doubts {
                 );
             }
         }
-        let reached = Reached::from_here(search, peers, false);
+        let reached = Reached::from_here(search, peers);
         loop {
             let mut grid = whole.clone();
             self.close_given_up(search, &mut grid);
@@ -127,15 +127,16 @@ impl Doubts {
     }
 
     /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be
-    /// reached; `None` when nothing of that kind is left. Small things that bar are looked at once, although they are confirmed:
+    /// reached; `None` when nothing of that kind is left; `reached` is what can be, finely. Small things that bar are looked at once, although they are confirmed:
     /// an exploration that takes an echo for a pole in a doorway would end before it.
     pub(crate) fn toward_unseen(
         &mut self,
         search: &PathSearch<'_>,
+        reached: ReachedGround,
         peers: &[Vec<Point>],
     ) -> Option<CloseLook> {
         let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let reached = Reached::from_here(search, peers, false)?;
+        let reached = Reached::finely(reached);
         let known = (&roomy, &reached);
         let past_confirmed = self.toward_unseen_past(search, peers, known, &[]);
         past_confirmed.or_else(|| {
@@ -168,7 +169,7 @@ impl Doubts {
             let wanted = |node: Cell| {
                 let cost_m = optimistic.cost_m(node)?;
                 let is_wanted = roomy.passable(node)
-                    && !reached.is_reached(nodes.centre(node))
+                    && !reached.ground.is_reached(nodes.centre(node))
                     && map.is_unseen(lattice.cell_at(nodes.centre(node)));
                 is_wanted.then_some((cost_m, node))
             };
@@ -198,9 +199,9 @@ impl Doubts {
             .filter(|cell| self.places_of(lattice, **cell).is_empty())
             .peekable();
         unseen.peek()?;
-        let reached = Reached::from_here(search, peers, false)?;
+        let reached = Reached::from_here(search, peers)?;
         unseen.find_map(|cell| {
-            let node = viewpoint(search, &reached.ways, *cell, &[])?;
+            let node = viewpoint(search, &reached.ground.ways, *cell, &[])?;
             Some(CloseLook {
                 course: reached.course_to(search, node),
                 at: *cell,
@@ -216,7 +217,7 @@ impl Doubts {
         route: &[Point],
         peers: &[Vec<Point>],
     ) -> Option<DoubtStep> {
-        let Some(at) = first_bar(search, &reached.ways, route) else {
+        let Some(at) = first_bar(search, &reached.ground.ways, route) else {
             // It is barred by something else than the map: by peers, or by what the reflex has met.
             return Some(self.spent(search));
         };
@@ -231,14 +232,14 @@ impl Doubts {
         }
         let is_spent = places.len() >= LOOKS_MAX;
         let look_from = |reached: &Reached| {
-            let node = viewpoint(search, &reached.ways, at, places)?;
+            let node = viewpoint(search, &reached.ground.ways, at, places)?;
             Some(reached.course_to(search, node))
         };
         // Where it stands too near to something, back over places that it has driven.
         let course = if is_spent {
             None
         } else {
-            look_from(reached).or_else(|| look_from(&Reached::from_here(search, peers, true)?))
+            look_from(reached).or_else(|| look_from(&Reached::over_driven(search, peers)?))
         };
         let Some(course) = course else {
             self.given_up.push(at);
@@ -283,51 +284,42 @@ fn part_of(lattice: Lattice, cell: Cell) -> (i32, i32) {
 
 /// The ways to all places that can be reached over ground that is known to be free.
 struct Reached {
-    grid: SearchGrid,
-    ways: Distances,
+    ground: ReachedGround,
     /// Over places too that it has driven, however near to something these are.
     is_narrow: bool,
 }
 
 impl Reached {
-    fn from_here(
-        search: &PathSearch<'_>,
-        peers: &[Vec<Point>],
-        is_narrow: bool,
-    ) -> Option<Reached> {
-        let resolution = match is_narrow {
-            true => Resolution::Parts,
-            false => Resolution::FineParts,
-        };
-        let mut grid = search.ground(None, resolution, false, peers)?;
-        if is_narrow {
-            grid.open_along(search.driven());
+    fn finely(ground: ReachedGround) -> Reached {
+        Reached {
+            ground,
+            is_narrow: false,
         }
+    }
+
+    fn from_here(search: &PathSearch<'_>, peers: &[Vec<Point>]) -> Option<Reached> {
+        search.reached_finely(peers).map(Reached::finely)
+    }
+
+    fn over_driven(search: &PathSearch<'_>, peers: &[Vec<Point>]) -> Option<Reached> {
+        let mut grid = search.ground(None, Resolution::Parts, false, peers)?;
+        grid.open_along(search.driven());
         let start = grid.lattice().cell_at(search.from());
         let ways = Distances::from_start(&grid, start, &RULES).ok()?;
         Some(Reached {
-            grid,
-            ways,
-            is_narrow,
+            ground: ReachedGround { grid, ways },
+            is_narrow: true,
         })
-    }
-
-    /// Returns whether a place can be reached.
-    fn is_reached(&self, place: Point) -> bool {
-        self.ways
-            .cost_m(self.ways.lattice().cell_at(place))
-            .is_some()
     }
 
     /// Returns the way to a node that can be reached; `None` = the vehicle is there.
     fn course_to(&self, search: &PathSearch<'_>, node: Cell) -> Option<DriveRoute> {
-        let nodes = self.ways.lattice();
+        let ReachedGround { grid, ways } = &self.ground;
+        let nodes = ways.lattice();
         if node == nodes.cell_at(search.from()) {
             return None;
         }
-        let route = self
-            .ways
-            .route_to(&self.grid, search.from(), nodes.centre(node))?;
+        let route = ways.route_to(grid, search.from(), nodes.centre(node))?;
         Some(DriveRoute {
             corners: route.points[1..].to_vec(),
             is_narrow: self.is_narrow,
@@ -471,7 +463,7 @@ mod tests {
                 search.small_things(SMALL_CELLS).len(),
                 usize::from(has_pole)
             );
-            doubts.toward_unseen(&search, &[])
+            doubts.toward_unseen(&search, search.reached_finely(&[])?, &[])
         };
         let mut doubts = Doubts::default();
         let look = look_of(&mut doubts, true).unwrap();

@@ -30,7 +30,9 @@ use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
 use crate::node::mission::doubts::{CloseLook, Doubts};
-use crate::node::mission::terrain::{PathSearch, Resolution, Terrain, WAYS, is_small};
+use crate::node::mission::terrain::{
+    PathSearch, ReachedGround, Resolution, Terrain, WAYS, is_small,
+};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
 use crate::plan::{Distances, SearchGrid};
@@ -92,8 +94,25 @@ struct FoundLook {
 enum NoLook {
     /// The fence is too large to be searched.
     TooLarge,
-    /// Nothing of what is to be looked at is seen from places that can be reached, which are these.
-    InVain(Vec<Distances>),
+    /// Nothing of what is to be looked at is seen from places that can be reached.
+    InVain(Box<SoughtInVain>),
+}
+
+/// Ground from which nothing is seen of what is to be looked at.
+#[derive(Default)]
+struct SoughtInVain {
+    /// The ground searched from part to part, if the vehicle had room on it.
+    finely: Option<ReachedGround>,
+    /// All the other ground but that from cell to cell.
+    others: Vec<ReachedGround>,
+}
+
+impl SoughtInVain {
+    /// Returns whether a place can be reached on one of them.
+    fn is_reached(&self, place: Point) -> bool {
+        let mut all = self.others.iter().chain(&self.finely);
+        all.any(|ground| ground.is_reached(place))
+    }
 }
 
 /// A search or an exploration.
@@ -226,7 +245,7 @@ impl Seek {
         let vain = match self.look_on_ways(&search, &occupancy, &candidates, &claims) {
             Ok(found) => return self.go_and_look(around, found),
             Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
-            Err(NoLook::InVain(vain)) => vain,
+            Err(NoLook::InVain(vain)) => *vain,
         };
         // Peers bar what would be seen without them, on the same ways.
         let has_peers = around.peers.iter().next().is_some();
@@ -234,31 +253,40 @@ impl Seek {
         if has_peers && look_alone().is_ok() {
             return MissionStep::YieldToPeers;
         }
-        if search.is_cut_off(&claims) {
-            return MissionStep::Wait;
-        }
         if search.regards_reflex() {
-            let search = search.but_for_reflex();
-            let ground = search.ground(None, Resolution::FineParts, false, &claims);
-            let sought = (&candidates[..], &vain[..]);
-            let is_seen_on = |grid| self.choose_look(&search, &grid, &occupancy, sought).is_ok();
-            if ground.is_some_and(is_seen_on) {
+            let all = search.but_for_reflex().reached_finely(&claims);
+            let near = match vain.finely {
+                Some(_) => None,
+                None => search.reached_finely(&claims),
+            };
+            let near = near.as_ref().or(vain.finely.as_ref());
+            let is_worth_a_wait = |all: &ReachedGround| {
+                near.is_some_and(|near| near.is_cut_off_from(all))
+                    || self.is_any_seen(&search, all, &occupancy, (&candidates, &vain))
+            };
+            if all.as_ref().is_some_and(is_worth_a_wait) {
                 return MissionStep::Wait;
             }
         }
-        self.doubt(around, &claims)
+        self.doubt(&search, vain.finely, &claims)
     }
 
     /// Nothing is left to be looked at from where it can get to: looks from near at what may bar the way to more, or ends.
-    fn doubt(&mut self, around: &MissionContext<'_>, claims: &[Vec<Point>]) -> MissionStep {
-        let search = around.terrain.search(around.now, around.pose);
-        match self.doubts.toward_unseen(&search, claims) {
+    fn doubt(
+        &mut self,
+        search: &PathSearch<'_>,
+        reached: Option<ReachedGround>,
+        claims: &[Vec<Point>],
+    ) -> MissionStep {
+        let reached = reached.or_else(|| search.reached_finely(claims));
+        let look = reached.and_then(|reached| self.doubts.toward_unseen(search, reached, claims));
+        match look {
             Some(CloseLook { course, at }) => {
                 self.stage = Stage::Doubting(at);
                 match course {
                     Some(course) => MissionStep::GoAlong(course),
                     None => {
-                        self.doubts.note(self.settings.lattice, at, around.pose.at);
+                        self.doubts.note(self.settings.lattice, at, search.from());
                         MissionStep::LookClosely(at)
                     }
                 }
@@ -276,7 +304,7 @@ impl Seek {
         candidates: &[FrontierCandidate],
         claims: &[Vec<Point>],
     ) -> Result<FoundLook, NoLook> {
-        let mut vain = Vec::new();
+        let mut vain = SoughtInVain::default();
         for (resolution, is_narrow) in WAYS {
             let Some(mut grid) = search.ground(None, resolution, false, claims) else {
                 return Err(NoLook::TooLarge);
@@ -296,13 +324,21 @@ impl Seek {
                         is_narrow,
                     });
                 }
-                Err(reached) if resolution != Resolution::Cells => {
-                    vain.extend(reached.map(|reached| *reached));
+                Err(None) => {}
+                Err(Some(ways)) => {
+                    let ground = ReachedGround { grid, ways: *ways };
+                    match resolution {
+                        Resolution::Cells => {}
+                        // Without anything to look at only what is near was searched.
+                        Resolution::FineParts if ground.ways.is_whole() => {
+                            vain.finely = Some(ground);
+                        }
+                        Resolution::FineParts | Resolution::Parts => vain.others.push(ground),
+                    }
                 }
-                Err(_) => {}
             }
         }
-        Err(NoLook::InVain(vain))
+        Err(NoLook::InVain(Box::new(vain)))
     }
 
     /// Returns where to look from and at which of some candidates, but not from where that was sought in vain, with the ways
@@ -312,16 +348,42 @@ impl Seek {
         search: &PathSearch<'_>,
         grid: &SearchGrid,
         occupancy: &OccupancyGrid,
-        (candidates, vain): (&[FrontierCandidate], &[Distances]),
+        (candidates, vain): (&[FrontierCandidate], &SoughtInVain),
     ) -> Result<(LookCandidate, Distances), Option<Box<Distances>>> {
-        let known = Ground {
+        let reach = self.reach(search.keep_m());
+        self.known(grid, occupancy, vain)
+            .best_look(search.from(), candidates, reach)
+    }
+
+    /// Returns whether one of some candidates is seen from ground that can be reached, but for what was sought in vain.
+    fn is_any_seen(
+        &self,
+        search: &PathSearch<'_>,
+        ground: &ReachedGround,
+        occupancy: &OccupancyGrid,
+        (candidates, vain): (&[FrontierCandidate], &SoughtInVain),
+    ) -> bool {
+        let reach = self.reach(search.keep_m());
+        self.known(&ground.grid, occupancy, vain).is_any_seen(
+            (search.from(), &ground.ways),
+            candidates,
+            reach,
+        )
+    }
+
+    fn known<'a>(
+        &'a self,
+        grid: &'a SearchGrid,
+        occupancy: &'a OccupancyGrid,
+        vain: &'a SoughtInVain,
+    ) -> Ground<'a> {
+        Ground {
             lattice: self.settings.lattice,
             occupancy,
             grid,
             looks: &self.looks,
             vain,
-        };
-        known.best_look(search.from(), candidates, self.reach(search.keep_m()))
+        }
     }
 
     fn go_and_look(&mut self, around: &MissionContext<'_>, found: FoundLook) -> MissionStep {

@@ -89,6 +89,34 @@ pub(crate) fn is_small(area: &CellRect) -> bool {
     area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS
 }
 
+/// Ground, and the ways from where the vehicle is to all places on it that can be reached.
+pub(crate) struct ReachedGround {
+    pub(crate) grid: SearchGrid,
+    pub(crate) ways: Distances,
+}
+
+impl ReachedGround {
+    /// Returns whether a place can be reached.
+    pub(crate) fn is_reached(&self, place: Point) -> bool {
+        let nodes = self.ways.lattice();
+        self.ways.cost_m(nodes.cell_at(place)).is_some()
+    }
+
+    /// Returns whether more than a little of its open ground cannot be reached on it, but can on another one of the same nodes.
+    pub(crate) fn is_cut_off_from(&self, other: &ReachedGround) -> bool {
+        let is_beyond = |node: &Cell| {
+            self.grid.passable(*node)
+                && self.ways.cost_m(*node).is_none()
+                && other.ways.cost_m(*node).is_some()
+        };
+        let (beyond, node_m) = (
+            self.grid.area().cells().filter(is_beyond).count(),
+            self.grid.lattice().cell_m(),
+        );
+        beyond as f64 * node_m * node_m > CUT_OFF_M2
+    }
+}
+
 /// Searches paths from where a vehicle is.
 pub(crate) struct PathSearch<'a> {
     pub(super) settings: &'a VehicleSettings,
@@ -116,26 +144,23 @@ impl PathSearch<'_> {
         !self.obstacles.is_empty()
     }
 
+    /// Returns what can be reached over known ground, from part to part; `None` when the fence is too large to search, or the
+    /// vehicle cannot set out.
+    pub(crate) fn reached_finely(&self, peers: &[Vec<Point>]) -> Option<ReachedGround> {
+        let grid = self.ground(None, Resolution::FineParts, false, peers)?;
+        let start = grid.lattice().cell_at(self.pose.at);
+        let ways = Distances::from_start(&grid, start, &RULES).ok()?;
+        Some(ReachedGround { grid, ways })
+    }
+
     /// Returns whether what only the reflex has met cuts the vehicle off from ground where it might be: that is soon forgotten.
     pub(crate) fn is_cut_off(&self, peers: &[Vec<Point>]) -> bool {
-        let reached = |search: &PathSearch<'_>| {
-            let grid = search.ground(None, Resolution::FineParts, false, peers)?;
-            let start = grid.lattice().cell_at(self.pose.at);
-            let ways = Distances::from_start(&grid, start, &RULES).ok()?;
-            Some((grid, ways))
-        };
         if !self.regards_reflex() {
             return false;
         }
-        let whole = self.but_for_reflex();
-        let (Some((grid, near)), Some((_, all))) = (reached(self), reached(&whole)) else {
-            return false;
-        };
-        let is_beyond = |node: &Cell| {
-            grid.passable(*node) && near.cost_m(*node).is_none() && all.cost_m(*node).is_some()
-        };
-        let beyond = grid.area().cells().filter(is_beyond).count();
-        beyond as f64 * grid.lattice().cell_m() * grid.lattice().cell_m() > CUT_OFF_M2
+        let all = self.but_for_reflex().reached_finely(peers);
+        let near = self.reached_finely(peers);
+        near.is_some_and(|near| all.is_some_and(|all| near.is_cut_off_from(&all)))
     }
 
     /// Returns where the search begins.

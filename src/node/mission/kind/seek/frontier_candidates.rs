@@ -7,6 +7,7 @@ use crate::map::{CellRect, Occupancy, OccupancyGrid};
 use crate::node::mission::terrain::RULES;
 use crate::plan::{Distances, SearchGrid};
 
+use super::SoughtInVain;
 use super::look_history::LookHistory;
 
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
@@ -56,8 +57,8 @@ pub(super) struct Ground<'a> {
     pub grid: &'a SearchGrid,
     /// From where things were looked at already.
     pub looks: &'a LookHistory,
-    /// Ways to places from which nothing can be seen: no look is sought there again.
-    pub vain: &'a [Distances],
+    /// Ground from which nothing can be seen: no look is sought there again.
+    pub vain: &'a SoughtInVain,
 }
 
 impl Ground<'_> {
@@ -70,10 +71,7 @@ impl Ground<'_> {
         reach: Reach,
     ) -> Result<(LookCandidate, Distances), Option<Box<Distances>>> {
         let nodes = self.grid.lattice();
-        let mut squares = Squares::new(nodes, self.grid.area(), reach.far_m);
-        for one in candidates {
-            squares.add(*one, self.looks.places_of(one.cell));
-        }
+        let mut squares = self.squares(candidates, reach);
         let start_cell = nodes.cell_at(start);
         let least_m = candidates
             .iter()
@@ -86,7 +84,7 @@ impl Ground<'_> {
             let reached =
                 Distances::within(self.grid, start_cell, &RULES, most_m).map_err(|_| None)?;
             for (cost_m, cell) in by_cost(self.grid, &reached, start_cell, ring) {
-                if self.is_vain(nodes.centre(cell)) {
+                if self.vain.is_reached(nodes.centre(cell)) {
                     continue;
                 }
                 // By cost upwards: from here on the way alone costs more than the best look that is known.
@@ -127,10 +125,38 @@ impl Ground<'_> {
         Err(None)
     }
 
-    fn is_vain(&self, place: Point) -> bool {
-        self.vain
-            .iter()
-            .any(|ways| ways.cost_m(ways.lattice().cell_at(place)).is_some())
+    /// Returns whether one of the candidates can be seen from a place to which one of these ways leads.
+    pub(super) fn is_any_seen(
+        &self,
+        (start, ways): (Point, &Distances),
+        candidates: &[FrontierCandidate],
+        reach: Reach,
+    ) -> bool {
+        let nodes = self.grid.lattice();
+        let (start_cell, mut squares) = (nodes.cell_at(start), self.squares(candidates, reach));
+        let is_reached = |cell: &Cell| {
+            ways.cost_m(*cell).is_some() && !self.vain.is_reached(nodes.centre(*cell))
+        };
+        self.grid.area().cells().filter(is_reached).any(|cell| {
+            let from = match cell == start_cell {
+                true => start,
+                false => nodes.centre(cell),
+            };
+            squares.near(from).any(|(one, looked_from)| {
+                one.at.distance_to(from) <= reach.far_m
+                    && LookHistory::is_new(looked_from, from)
+                    && sees(self.occupancy, self.lattice, from, one.at)
+            })
+        })
+    }
+
+    /// Returns candidates by place, each with the places from where it was looked at.
+    fn squares(&self, candidates: &[FrontierCandidate], reach: Reach) -> Squares<'_> {
+        let mut squares = Squares::new(self.grid.lattice(), self.grid.area(), reach.far_m);
+        for one in candidates {
+            squares.add(*one, self.looks.places_of(one.cell));
+        }
+        squares
     }
 }
 
