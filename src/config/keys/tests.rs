@@ -296,7 +296,7 @@ fn random_values_are_accepted_often_enough_to_say_something_and_every_key_is_var
         for key in draw(&mut config.clone(), 0, 1) {
             shown.entry(key).or_default();
         }
-        for seed in 0..60 {
+        for seed in 0..120 {
             let mut other = config.clone();
             let changed = draw(&mut other, (number as u64) << 32 | seed, 12);
             tried += 1;
