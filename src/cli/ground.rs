@@ -16,7 +16,6 @@ use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
 use crate::operator::names;
 use crate::run::ground_process::{self, GroundError, GroundFiles, GroundStatus};
-use crate::run::process::StopRequest;
 use crate::store::StoreError;
 
 /// Run the ground station: it gathers the data, plans the sweeps, and makes the images.
@@ -96,11 +95,9 @@ impl GroundArgs {
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
-        let request = StopRequest::default();
-        let (asked, ended) = (request.clone(), request.clone());
-        let stop = StopFlag::listen_with(move || asked.ask());
+        let stop = StopFlag::listen();
         if self.tied {
-            stop.end_with_input(move || ended.ask());
+            stop.end_with_input(|| {});
         }
         let is_terminal = std::io::stderr().is_terminal();
         let mut status = |status: &GroundStatus| {
@@ -116,7 +113,7 @@ impl GroundArgs {
         };
         #[cfg(feature = "dash")]
         let page = self.start_page(out)?;
-        let finish = ground_process::run(files, mavlink.as_ref(), &request, &mut status);
+        let finish = ground_process::run(files, mavlink.as_ref(), &|| stop.is_asked(), &mut status);
         #[cfg(feature = "dash")]
         if let Some(page) = page {
             match &finish {
