@@ -101,7 +101,8 @@ pub(super) fn shortest_over(
     rules: &Rules,
 ) -> Result<GridPath, NoRoute> {
     let mut search = Search::new(terrain, rules);
-    if search.run(terrain, start, Some(goal), u64::MAX) {
+    search.begin(terrain, start);
+    if search.run(terrain, Some(goal), u64::MAX) {
         return Ok(search.found(terrain, terrain.place(goal), rules));
     }
     Err(NoRoute::Unreachable {
@@ -113,7 +114,7 @@ pub(super) fn shortest_over(
 #[derive(Clone, Debug)]
 pub(super) struct Flood {
     terrain: Terrain,
-    nodes: Vec<SearchCell>,
+    search: Search,
     /// Greater costs are not known.
     most: u64,
 }
@@ -128,21 +129,31 @@ pub(super) fn flood(
 ) -> Result<Flood, NoRoute> {
     let terrain = entered(grid, start, None, rules)?;
     let mut search = Search::new(&terrain, rules);
-    // Saturating: infinity is the largest number.
-    let most = (most_cells * STRAIGHT as f64) as u64;
-    search.run(&terrain, start, None, most);
-    Ok(Flood {
-        most: if search.queue.is_empty() {
-            u64::MAX
-        } else {
-            most
-        },
-        nodes: search.nodes,
+    search.begin(&terrain, start);
+    let mut flood = Flood {
         terrain,
-    })
+        search,
+        most: 0,
+    };
+    flood.go_on(most_cells);
+    Ok(flood)
 }
 
 impl Flood {
+    /// Searches on from where it ended, up to costs of so many sides of a cell: the result is that of one search.
+    pub(super) fn go_on(&mut self, most_cells: f64) {
+        // Saturating: infinity is the largest number.
+        let most = (most_cells * STRAIGHT as f64) as u64;
+        if most < self.most {
+            return;
+        }
+        self.search.run(&self.terrain, None, most);
+        self.most = match self.search.queue.is_empty() {
+            true => u64::MAX,
+            false => most,
+        };
+    }
+
     /// Returns the least cost of a way to a cell within the grid, in sides of a cell.
     pub(super) fn cost_cells(&self, cell: Cell) -> Option<f64> {
         let cost = self.cost(self.terrain.place(cell))?;
@@ -150,7 +161,9 @@ impl Flood {
     }
 
     fn cost(&self, place: usize) -> Option<u64> {
-        self.nodes[place].cost().filter(|cost| *cost <= self.most)
+        self.search.nodes[place]
+            .cost()
+            .filter(|cost| *cost <= self.most)
     }
 
     /// Returns whether the costs of all cells are known that can be reached.
@@ -162,7 +175,7 @@ impl Flood {
     pub(super) fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
         let place = self.terrain.place(goal);
         self.cost(place)?;
-        Some(walk_back(&self.terrain, &self.nodes, place))
+        Some(walk_back(&self.terrain, &self.search.nodes, place))
     }
 }
 
@@ -172,7 +185,8 @@ pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<Se
         backward: true,
         ..Search::new(terrain, rules)
     };
-    search.run(terrain, goal, None, u64::MAX);
+    search.begin(terrain, goal);
+    search.run(terrain, None, u64::MAX);
     search.nodes
 }
 
@@ -233,6 +247,7 @@ impl SearchCell {
     }
 }
 
+#[derive(Clone, Debug)]
 struct Search {
     nodes: Vec<SearchCell>,
     queue: Buckets,
@@ -263,15 +278,19 @@ impl Search {
         }
     }
 
-    /// Searches until nothing is left that could be cheaper than a way to the goal, or all that can be reached at most at
-    /// this cost; tells whether the goal was.
-    fn run(&mut self, terrain: &Terrain, start: Cell, goal: Option<Cell>, most: u64) -> bool {
-        // What waits in the queue is dearer then, but for what shares a bucket with it.
-        let last = most.saturating_add(BUCKET);
+    /// Puts the start into the queue.
+    fn begin(&mut self, terrain: &Terrain, start: Cell) {
         let start = terrain.place(start);
-        let goal_place = goal.map_or(usize::MAX, |goal| terrain.place(goal));
         self.nodes[start] = SearchCell::reached(0, NO_STEP);
         self.queue.push(0, start as u32);
+    }
+
+    /// Searches until nothing is left that could be cheaper than a way to the goal, or all that can be reached at most at
+    /// this cost; tells whether the goal was. Called again with a greater cost it goes on where it ended.
+    fn run(&mut self, terrain: &Terrain, goal: Option<Cell>, most: u64) -> bool {
+        // What waits in the queue is dearer then, but for what shares a bucket with it.
+        let last = most.saturating_add(BUCKET);
+        let goal_place = goal.map_or(usize::MAX, |goal| terrain.place(goal));
         let mut best = u64::MAX;
         while let Some(place) = self.queue.pop() {
             let place = place as usize;

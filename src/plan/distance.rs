@@ -47,6 +47,11 @@ impl Distances {
         })
     }
 
+    /// Searches on, up to a cost of `most_m`, metres: then it is what [`Distances::within`] that cost gives.
+    pub fn search_to(&mut self, most_m: f64) {
+        self.flood.go_on(most_m / self.lattice.cell_m());
+    }
+
     /// Returns whether all that can be reached was searched.
     #[inline]
     pub fn is_whole(&self) -> bool {
@@ -144,17 +149,25 @@ mod tests {
         #[test]
         fn what_is_searched_up_to_a_cost_is_as_if_all_were_searched(
             stones in proptest::collection::vec((-3..SIDE - 3, -5..SIDE - 5), 0..120), most_m in 0.0..5.0f64,
+            first_m in 0.0..5.0f64,
         ) {
             let (grid, rules) = (grid(&stones, 0.3), Rules { escape_m: 0.4, ..Rules::default() });
             let Ok(all) = Distances::from_start(&grid, Cell::new(0, 0), &rules) else {
                 return Ok(());
             };
             let near = Distances::within(&grid, Cell::new(0, 0), &rules, most_m).unwrap();
+            let mut in_steps = Distances::within(&grid, Cell::new(0, 0), &rules, first_m).unwrap();
+            in_steps.search_to(most_m);
+            prop_assert!(in_steps.is_whole() >= near.is_whole());
             let cells = || grid.area().cells();
             prop_assert_eq!(near.is_whole(), cells().all(|cell| near.cost_m(cell) == all.cost_m(cell)));
             for cell in cells() {
                 let within = all.cost_m(cell).filter(|cost_m| near.is_whole() || *cost_m <= most_m);
                 prop_assert_eq!(near.cost_m(cell), within);
+                if near.cost_m(cell).is_some() {
+                    prop_assert_eq!(in_steps.cost_m(cell), within);
+                    prop_assert_eq!(in_steps.cells_to(cell), near.cells_to(cell));
+                }
                 if within.is_some() {
                     prop_assert_eq!(near.cells_to(cell), all.cells_to(cell));
                 }

@@ -11,7 +11,9 @@ mod search;
 
 use serde::{Deserialize, Serialize};
 
-pub(super) use self::search::{PathSearch, RULES, ReachedGround, Resolution, WAYS, is_small};
+pub(super) use self::search::{
+    OpenGround, PathSearch, RULES, ReachedGround, Resolution, WAYS, is_small,
+};
 
 use self::driven_places::DrivenPlaces;
 use self::reflex_obstacles::ReflexObstacles;

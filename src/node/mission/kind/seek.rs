@@ -31,7 +31,7 @@ use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
 use crate::node::mission::doubts::{CloseLook, Doubts};
 use crate::node::mission::terrain::{
-    PathSearch, ReachedGround, Resolution, Terrain, WAYS, is_small,
+    OpenGround, PathSearch, ReachedGround, Resolution, Terrain, WAYS, is_small,
 };
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
@@ -101,17 +101,21 @@ enum NoLook {
 /// Ground from which nothing is seen of what is to be looked at.
 #[derive(Default)]
 struct SoughtInVain {
+    /// The ground searched from half cell to half cell.
+    by_halves: Option<ReachedGround>,
     /// The ground searched from part to part, if the vehicle had room on it.
     finely: Option<ReachedGround>,
-    /// All the other ground but that from cell to cell.
-    others: Vec<ReachedGround>,
+    /// The one by halves again, over places too that the vehicle has driven.
+    over_driven: Option<ReachedGround>,
 }
 
 impl SoughtInVain {
     /// Returns whether a place can be reached on one of them.
     fn is_reached(&self, place: Point) -> bool {
-        let mut all = self.others.iter().chain(&self.finely);
-        all.any(|ground| ground.is_reached(place))
+        let all = [&self.by_halves, &self.finely, &self.over_driven];
+        all.into_iter()
+            .flatten()
+            .any(|ground| ground.is_reached(place))
     }
 }
 
@@ -254,15 +258,13 @@ impl Seek {
             return MissionStep::YieldToPeers;
         }
         if search.regards_reflex() {
-            let all = search.but_for_reflex().reached_finely(&claims);
-            let near = match vain.finely {
-                Some(_) => None,
-                None => search.reached_finely(&claims),
-            };
-            let near = near.as_ref().or(vain.finely.as_ref());
-            let is_worth_a_wait = |all: &ReachedGround| {
-                near.is_some_and(|near| near.is_cut_off_from(all))
-                    || self.is_any_seen(&search, all, &occupancy, (&candidates, &vain))
+            let all = search.but_for_reflex().open_finely(&claims);
+            let is_worth_a_wait = |all: &OpenGround| {
+                let is_cut_off = match &vain.finely {
+                    Some(near) => near.is_cut_off_from(all),
+                    None => search.is_cut_off_from(all, &claims),
+                };
+                is_cut_off || self.is_any_seen(&search, all, &occupancy, (&candidates, &vain))
             };
             if all.as_ref().is_some_and(is_worth_a_wait) {
                 return MissionStep::Wait;
@@ -306,7 +308,12 @@ impl Seek {
     ) -> Result<FoundLook, NoLook> {
         let mut vain = SoughtInVain::default();
         for (resolution, is_narrow) in WAYS {
-            let Some(mut grid) = search.ground(None, resolution, false, claims) else {
+            let again = vain.by_halves.as_ref().filter(|_| is_narrow);
+            let grid = match again {
+                Some(ground) => Some(ground.grid.clone()),
+                None => search.ground(None, resolution, false, claims),
+            };
+            let Some(mut grid) = grid else {
                 return Err(NoLook::TooLarge);
             };
             if search.is_cramped(&grid, resolution) {
@@ -329,11 +336,11 @@ impl Seek {
                     let ground = ReachedGround { grid, ways: *ways };
                     match resolution {
                         Resolution::Cells => {}
+                        Resolution::Parts if is_narrow => vain.over_driven = Some(ground),
+                        Resolution::Parts => vain.by_halves = Some(ground),
                         // Without anything to look at only what is near was searched.
-                        Resolution::FineParts if ground.ways.is_whole() => {
-                            vain.finely = Some(ground);
-                        }
-                        Resolution::FineParts | Resolution::Parts => vain.others.push(ground),
+                        Resolution::FineParts if !ground.ways.is_whole() => {}
+                        Resolution::FineParts => vain.finely = Some(ground),
                     }
                 }
             }
@@ -359,13 +366,13 @@ impl Seek {
     fn is_any_seen(
         &self,
         search: &PathSearch<'_>,
-        ground: &ReachedGround,
+        ground: &OpenGround,
         occupancy: &OccupancyGrid,
         (candidates, vain): (&[FrontierCandidate], &SoughtInVain),
     ) -> bool {
         let reach = self.reach(search.keep_m());
         self.known(&ground.grid, occupancy, vain).is_any_seen(
-            (search.from(), &ground.ways),
+            (search.from(), &ground.reached),
             candidates,
             reach,
         )

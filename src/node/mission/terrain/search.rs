@@ -13,7 +13,8 @@ use crate::node::VehicleSettings;
 use crate::node::mission::home::HOME_M;
 use crate::node::vehicle::ReflexObstacle;
 use crate::plan::{
-    Distances, MAX_GRID_CELLS, NodeSpacing, RequiredClearance, Rules, SearchGrid, shortest_route,
+    Component, Distances, MAX_GRID_CELLS, NodeSpacing, RequiredClearance, Rules, SearchGrid,
+    shortest_route,
 };
 
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
@@ -103,18 +104,24 @@ impl ReachedGround {
     }
 
     /// Returns whether more than a little of its open ground cannot be reached on it, but can on another one of the same nodes.
-    pub(crate) fn is_cut_off_from(&self, other: &ReachedGround) -> bool {
-        let is_beyond = |node: &Cell| {
-            self.grid.passable(*node)
-                && self.ways.cost_m(*node).is_none()
-                && other.ways.cost_m(*node).is_some()
-        };
-        let (beyond, node_m) = (
-            self.grid.area().cells().filter(is_beyond).count(),
-            self.grid.lattice().cell_m(),
-        );
-        beyond as f64 * node_m * node_m > CUT_OFF_M2
+    pub(crate) fn is_cut_off_from(&self, all: &OpenGround) -> bool {
+        is_cut_off(&self.grid, |node| self.ways.cost_m(node).is_some(), all)
     }
+}
+
+/// Ground, and which of it can be reached from where the vehicle is, by whatever way.
+pub(crate) struct OpenGround {
+    pub(crate) grid: SearchGrid,
+    pub(crate) reached: Component,
+}
+
+/// Returns whether more than a little of a grid's open ground cannot be reached, but can on another one of the same nodes.
+fn is_cut_off(grid: &SearchGrid, is_reached: impl Fn(Cell) -> bool, all: &OpenGround) -> bool {
+    let is_beyond =
+        |node: &Cell| grid.passable(*node) && !is_reached(*node) && all.reached.contains(*node);
+    let beyond = grid.area().cells().filter(is_beyond).count();
+    let node_m = grid.lattice().cell_m();
+    beyond as f64 * node_m * node_m > CUT_OFF_M2
 }
 
 /// Searches paths from where a vehicle is.
@@ -153,14 +160,27 @@ impl PathSearch<'_> {
         Some(ReachedGround { grid, ways })
     }
 
+    /// Returns which ground can be reached from part to part; `None` when the fence is too large to search.
+    pub(crate) fn open_finely(&self, peers: &[Vec<Point>]) -> Option<OpenGround> {
+        let grid = self.ground(None, Resolution::FineParts, false, peers)?;
+        let reached = Component::around(&grid, grid.lattice().cell_at(self.pose.at), &RULES);
+        Some(OpenGround { grid, reached })
+    }
+
     /// Returns whether what only the reflex has met cuts the vehicle off from ground where it might be: that is soon forgotten.
     pub(crate) fn is_cut_off(&self, peers: &[Vec<Point>]) -> bool {
-        if !self.regards_reflex() {
-            return false;
-        }
-        let all = self.but_for_reflex().reached_finely(peers);
-        let near = self.reached_finely(peers);
-        near.is_some_and(|near| all.is_some_and(|all| near.is_cut_off_from(&all)))
+        self.regards_reflex()
+            && self
+                .but_for_reflex()
+                .open_finely(peers)
+                .is_some_and(|all| self.is_cut_off_from(&all, peers))
+    }
+
+    /// Returns whether more than a little of some ground, which can be reached on it, cannot be reached.
+    pub(crate) fn is_cut_off_from(&self, all: &OpenGround, peers: &[Vec<Point>]) -> bool {
+        let near = self.open_finely(peers);
+        let near = near.filter(|near| !near.reached.is_empty());
+        near.is_some_and(|near| is_cut_off(&near.grid, |node| near.reached.contains(node), all))
     }
 
     /// Returns where the search begins.

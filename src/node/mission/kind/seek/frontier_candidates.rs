@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, OccupancyGrid};
 use crate::node::mission::terrain::RULES;
-use crate::plan::{Distances, SearchGrid};
+use crate::plan::{Component, Distances, SearchGrid};
 
 use super::SoughtInVain;
 use super::look_history::LookHistory;
@@ -78,11 +78,12 @@ impl Ground<'_> {
             .map(|one| one.penalty_m)
             .fold(f64::INFINITY, f64::min);
         let (mut best, mut best_m) = (None, f64::INFINITY);
+        let mut reached =
+            Distances::within(self.grid, start_cell, &RULES, 0.0).map_err(|_| None)?;
         // Ring by ring: what lies far away is searched only when nothing near is as good.
         for ring in RING_STEPS.windows(2).map(|ring| ring[0]..ring[1]) {
             let most_m = ring.end as f64 * COST_STEP_M;
-            let reached =
-                Distances::within(self.grid, start_cell, &RULES, most_m).map_err(|_| None)?;
+            reached.search_to(most_m);
             for (cost_m, cell) in by_cost(self.grid, &reached, start_cell, ring) {
                 if self.vain.is_reached(nodes.centre(cell)) {
                     continue;
@@ -125,18 +126,17 @@ impl Ground<'_> {
         Err(None)
     }
 
-    /// Returns whether one of the candidates can be seen from a place to which one of these ways leads.
+    /// Returns whether one of the candidates can be seen from a place that can be reached.
     pub(super) fn is_any_seen(
         &self,
-        (start, ways): (Point, &Distances),
+        (start, reached): (Point, &Component),
         candidates: &[FrontierCandidate],
         reach: Reach,
     ) -> bool {
         let nodes = self.grid.lattice();
         let (start_cell, mut squares) = (nodes.cell_at(start), self.squares(candidates, reach));
-        let is_reached = |cell: &Cell| {
-            ways.cost_m(*cell).is_some() && !self.vain.is_reached(nodes.centre(*cell))
-        };
+        let is_reached =
+            |cell: &Cell| reached.contains(*cell) && !self.vain.is_reached(nodes.centre(*cell));
         self.grid.area().cells().filter(is_reached).any(|cell| {
             let from = match cell == start_cell {
                 true => start,
