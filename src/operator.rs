@@ -10,6 +10,7 @@
 //! repeated by one that knows nothing of it. [`route`] says who hears whom.
 
 pub mod fleet_view;
+pub mod given_marks;
 pub mod given_tasks;
 pub mod messages;
 pub mod names;

@@ -4,7 +4,7 @@
 use crate::{
     AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, FIX_AGE_MAX_MS,
     Find, Fix, GroundReport, Have, Heading, Health, Hello, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS,
-    IMAGE_SIDE_MAX, Image, LostSamples, Message, MissionEnd, MissionKind, MissionProgress,
+    IMAGE_SIDE_MAX, Image, LostSamples, Mark, Message, MissionEnd, MissionKind, MissionProgress,
     OpenStops, Order, OrderKind, Permille, Plan, PoseReport, Position, Progress, RunReport, Sample,
     Samples, State, Stop, Task, Tilt, VehicleId, Velocity,
 };
@@ -76,6 +76,7 @@ impl Message {
             Message::Task(task) => task.check(),
             Message::Image(image) => image.check(),
             Message::Fix(fix) => fix.check(),
+            Message::Mark(mark) => mark.check(),
         }
     }
 }
@@ -163,6 +164,13 @@ impl Fix {
             self.age_ms <= FIX_AGE_MAX_MS,
             "a fix is at most two seconds old",
         )
+    }
+}
+
+impl Mark {
+    fn check(&self) -> CheckResult {
+        self.at.check()?;
+        number(self.run.0)
     }
 }
 

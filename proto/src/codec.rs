@@ -175,6 +175,7 @@ fn write_body(message: &Message, frame: &mut Vec<u8>) -> Result<(), EncodeError>
         Message::Task(task) => write(task, frame),
         Message::Image(image) => write(image, frame),
         Message::Fix(fix) => write(fix, frame),
+        Message::Mark(mark) => write(mark, frame),
     }
 }
 
@@ -197,6 +198,7 @@ fn read_body(kind: MessageKind, body: &[u8]) -> Result<Message, DecodeError> {
         MessageKind::Task => read(body).map(Message::Task),
         MessageKind::Image => read(body).map(Message::Image),
         MessageKind::Fix => read(body).map(Message::Fix),
+        MessageKind::Mark => read(body).map(Message::Mark),
     }
 }
 

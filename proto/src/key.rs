@@ -86,6 +86,7 @@ impl Topic {
             Message::Order(order) => MessageSubject::Vehicle(order.vehicle),
             Message::Fix(fix) => MessageSubject::Vehicle(fix.vehicle),
             Message::Task(task) => MessageSubject::Run(task.run),
+            Message::Mark(mark) => MessageSubject::Run(mark.run),
             Message::Image(image) => MessageSubject::Part(image.run, image.part),
             Message::Hello(_)
             | Message::State(_)
@@ -264,6 +265,7 @@ mod tests {
             "order/3",
         );
         check(MessageKind::Task, MessageSubject::Run(RunId(9)), "task/9");
+        check(MessageKind::Mark, MessageSubject::Run(RunId(9)), "mark/9");
         check(
             MessageKind::Fix,
             MessageSubject::Vehicle(VehicleId(3)),

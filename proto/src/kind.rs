@@ -25,11 +25,12 @@ pub enum MessageKind {
     Task = 14,
     Image = 15,
     Fix = 16,
+    Mark = 17,
 }
 
 impl MessageKind {
     /// All kinds, in the order of their numbers.
-    pub const ALL: [MessageKind; 17] = [
+    pub const ALL: [MessageKind; 18] = [
         MessageKind::Hello,
         MessageKind::State,
         MessageKind::Tile,
@@ -47,6 +48,7 @@ impl MessageKind {
         MessageKind::Task,
         MessageKind::Image,
         MessageKind::Fix,
+        MessageKind::Mark,
     ];
 
     /// Returns the number in a frame's header.
@@ -79,6 +81,7 @@ impl MessageKind {
             MessageKind::Task => "task",
             MessageKind::Image => "image",
             MessageKind::Fix => "fix",
+            MessageKind::Mark => "mark",
         }
     }
 }

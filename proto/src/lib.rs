@@ -29,7 +29,7 @@ pub use message::{
     BodyKind, Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FIX_AGE_MAX_MS,
     FailsafeAction, Failsafes, Find, Fix, GroundReport, Have, Health, HeardFrom, Hello,
     IMAGE_FINDS_MAX, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Interest, LayerDigest,
-    LegReport, LostSamples, Message, MissionEnd, MissionKind, MissionPhase, MissionProgress,
+    LegReport, LostSamples, Mark, Message, MissionEnd, MissionKind, MissionPhase, MissionProgress,
     MissionRefusal, OpenStops, Order, OrderKind, Ordered, Parameter, PlaceSharing, Plan, Power,
     Progress, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Rectangle,
     RunEnd, RunReport, STORED_ITEMS_MAX, Sample, Samples, SatelliteFix, SeenState, ServoKind,

@@ -7,6 +7,7 @@ mod health;
 mod hello;
 mod image;
 mod map;
+mod mark;
 mod order;
 mod plan;
 mod report;
@@ -29,6 +30,7 @@ pub use image::{
     Rectangle,
 };
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, TileRequest};
+pub use mark::Mark;
 pub use order::{EmergencyStop, OpenStops, Order, OrderKind, StopScope};
 pub use plan::{
     MissionEnd, MissionPhase, MissionProgress, MissionRefusal, Plan, Progress, SeenState, Stop,
@@ -65,6 +67,7 @@ pub enum Message {
     Task(Task),
     Image(Image),
     Fix(Fix),
+    Mark(Mark),
 }
 
 impl Message {
@@ -88,6 +91,7 @@ impl Message {
             Message::Task(_) => MessageKind::Task,
             Message::Image(_) => MessageKind::Image,
             Message::Fix(_) => MessageKind::Fix,
+            Message::Mark(_) => MessageKind::Mark,
         }
     }
 
@@ -97,7 +101,8 @@ impl Message {
     }
 
     /// Returns who alone may say this message; `None` when several may (a tile and what stands are handed on by
-    /// anyone, an order comes from the ground or an operator, a task and a fix from any operator).
+    /// anyone, an order comes from the ground or an operator, a task and a fix from any operator, a mark from any
+    /// operator and, once it is stored, from the ground).
     pub fn author(&self) -> Option<Sender> {
         match self {
             Message::Hello(hello) => Some(hello.node),
@@ -115,7 +120,8 @@ impl Message {
             | Message::Order(_)
             | Message::Standing(_)
             | Message::Task(_)
-            | Message::Fix(_) => None,
+            | Message::Fix(_)
+            | Message::Mark(_) => None,
         }
     }
 }

@@ -689,13 +689,13 @@ fn impossible_tasks_and_images_are_refused() {
 
 #[test]
 fn an_unknown_kind_is_no_mistake_whatever_it_holds() {
-    for kind in 17..=u8::MAX {
+    for kind in 18..=u8::MAX {
         for body in [&[][..], &[0], &[255; 300]] {
             let frame = [&[b't', b'S', VERSION, kind], body].concat();
             assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
         }
     }
-    let long = [&[b't', b'S', VERSION, 17][..], &vec![0; LIMIT]].concat();
+    let long = [&[b't', b'S', VERSION, 18][..], &vec![0; LIMIT]].concat();
     assert_eq!(
         decode(&long),
         Err(DecodeError::TooLong { length: LIMIT + 4 })
@@ -897,7 +897,9 @@ fn whoever_alone_may_say_a_message_also_has_its_key() {
         let speaker = Sender::Vehicle(VehicleId(2));
         let (author, free) = match name {
             "plan" | "have" | "report" | "image" => (Some(Sender::Ground), false),
-            "tile" | "digest" | "want" | "order" | "standing" | "task" | "fix" => (None, true),
+            "tile" | "digest" | "want" | "order" | "standing" | "task" | "fix" | "mark" => {
+                (None, true)
+            }
             _ => (Some(speaker), false),
         };
         assert_eq!(message.author(), author, "{name}");
@@ -971,7 +973,7 @@ proptest! {
     }
 
     #[test]
-    fn any_body_of_an_unknown_kind_is_unknown(kind in 17..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn any_body_of_an_unknown_kind_is_unknown(kind in 18..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
         let frame = [&[b't', b'S', VERSION, kind], &body[..]].concat();
         prop_assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
     }

@@ -110,6 +110,12 @@ impl Features {
         }
     }
 
+    /// Adds where somebody truly stood.
+    #[cfg(feature = "net")]
+    pub(super) fn mark(&mut self, says: Value, at: Point) {
+        self.add(Shape::Point(at), says);
+    }
+
     /// Adds where a vehicle drove.
     #[cfg(feature = "net")]
     pub(super) fn track(&mut self, says: Value, points: &[Point]) {

@@ -18,9 +18,11 @@ use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
 use crate::geom::{Lattice, Point};
 use crate::ground::MeasuredSample;
 use crate::map::Merged;
-use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun};
+use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredMark, StoredRun};
 use crate::tomo::{Image, LinkBins, npy_bytes};
 
+/// A mark is drawn as large as a person, metres.
+const MARK_RADIUS_M: f64 = 0.25;
 /// The names of the files that are not of one run.
 const FAMILY: &[&str] = &[
     "map.png",
@@ -51,10 +53,11 @@ const AFTER_HELP: &str = "\
 Files, N being the run:
   run-N-samples.csv    every beacon heard or missed, with UTC and its error where known
   run-N-links.csv      pooled links, as `tomoswarm image` reads them
+  run-N-marks.csv      where somebody truly stood (`tomoswarm order FILE mark X,Y`), where that was marked
   run-N-KIND.npy .png  the newest picture of each kind: change (since the empty sweep) or structure
   map.png              what the range sensors saw
   *.pgw                world files: where a picture lies, degrees (WGS84, EPSG:4326)
-  swarm.geojson        area, fence, homes, peaks, tracks (WGS84)
+  swarm.geojson        area, fence, homes, peaks, finds, marks, tracks (WGS84)
   venue.toml           the venue, as the ground station read it
   export.json          where the data come from: versions, starts, runs, the operator's notes
 
@@ -82,8 +85,16 @@ impl ExportArgs {
         let mut lines = String::new();
         for run in &runs {
             let samples = write_run(&mut folder, &store, run.run, &mut features, &mut tracks)?;
-            let images = write_images(&mut folder, &store, run.run, &venue, &mut features)?;
+            let marks = write_marks(&mut folder, &store, run.run, &mut features)?;
+            let (images, errors) = write_images(
+                &mut folder,
+                &store,
+                (run.run, &marks),
+                &venue,
+                &mut features,
+            )?;
             lines += &format!("run {}: {samples} samples, {images} pictures\n", run.run);
+            lines += &errors;
         }
         write_map(&mut folder, &store, &venue, tracks)?;
         folder.write("swarm.geojson", features.text().as_bytes())?;
@@ -155,7 +166,8 @@ fn is_of_a_run(name: &str) -> bool {
     let is_picture = kind
         .rsplit_once('.')
         .is_some_and(|(stem, ending)| is_kind(stem) && matches!(ending, "npy" | "png" | "pgw"));
-    number.parse::<u32>().is_ok() && (is_picture || matches!(kind, "samples.csv" | "links.csv"))
+    number.parse::<u32>().is_ok()
+        && (is_picture || matches!(kind, "samples.csv" | "links.csv" | "marks.csv"))
 }
 
 /// Writes samples and links of a run, and collects its tracks; returns how many samples.
@@ -208,22 +220,51 @@ fn write_run(
     Ok(count)
 }
 
-/// Writes the newest pictures of a run; returns how many.
-fn write_images(
+/// Writes where somebody truly stood in a run, if that was marked, and returns it.
+fn write_marks(
     folder: &mut OutputFolder,
     store: &GroundStore,
     run: RunId,
+    features: &mut Features,
+) -> Result<Vec<StoredMark>, CliError> {
+    let marks = store.marks(run)?;
+    if marks.is_empty() {
+        return Ok(marks);
+    }
+    let mut text = String::from("run,x_m,y_m,z_m,marked\n");
+    for StoredMark {
+        at,
+        z_m,
+        marked_utc_s,
+    } in &marks
+    {
+        let marked = utc_text(*marked_utc_s);
+        text += &format!("{run},{},{},{z_m},{marked}\n", at.x_m, at.y_m);
+        features.mark(json!({"what": "mark", "run": run.0, "marked": marked}), *at);
+    }
+    folder.write(&format!("run-{run}-marks.csv"), text.as_bytes())?;
+    Ok(marks)
+}
+
+/// Writes the newest pictures of a run with its marks; returns how many, and in lines how far finds, or without an empty sweep
+/// strong places, are from the marks.
+fn write_images(
+    folder: &mut OutputFolder,
+    store: &GroundStore,
+    (run, truth): (RunId, &[StoredMark]),
     venue: &Venue,
     features: &mut Features,
-) -> Result<usize, CliError> {
+) -> Result<(usize, String), CliError> {
     let images = store.newest_images(run)?;
+    let mut errors = String::new();
     for made in images
         .iter()
         .filter(|made| matches!(made.kind.as_str(), "change" | "structure"))
     {
         let name = |ending: &str| format!("run-{run}-{}.{ending}", made.kind);
         folder.write(&name("npy"), &npy_bytes(&made.image))?;
-        let spec = heat(made);
+        let spec = heat(made, truth);
+        errors += &error_lines(made, truth);
         folder.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
         folder.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
         features.image(MadeImage {
@@ -232,23 +273,47 @@ fn write_images(
             finds: made.finds.as_ref(),
         });
     }
-    Ok(images.len())
+    Ok((images.len(), errors))
 }
 
-fn heat(made: &StoredImage) -> HeatMap<'_> {
+/// Returns a line for every mark: how far from it the nearest place is that a picture names.
+fn error_lines(made: &StoredImage, truth: &[StoredMark]) -> String {
+    let (word, named): (&str, Vec<Point>) = match &made.finds {
+        Some(finds) => ("find", finds.found.iter().map(|find| find.at).collect()),
+        None => ("peak", made.peaks.iter().map(|peak| peak.at).collect()),
+    };
+    let line = |mark: &StoredMark| {
+        let away_m = named.iter().map(|at| at.distance_to(mark.at));
+        let nearest = match away_m.min_by(f64::total_cmp) {
+            Some(away_m) => format!("the nearest {word} is {away_m:.2} m away"),
+            None => format!("no {word}"),
+        };
+        let Point { x_m, y_m } = mark.at;
+        format!("  {}: marked ({x_m}, {y_m}): {nearest}\n", made.kind)
+    };
+    truth.iter().map(line).collect()
+}
+
+fn heat<'a>(made: &'a StoredImage, truth: &[StoredMark]) -> HeatMap<'a> {
     let seen = if made.kind == "change" {
         "What changed since the empty sweep"
     } else {
         "What stands there"
     };
     let Image { grid, values } = &made.image;
+    let mut overlays = marks(made.finds.as_ref(), &made.peaks);
+    overlays.extend(truth.iter().map(|mark| Overlay::Circle {
+        at: mark.at,
+        radius_m: MARK_RADIUS_M,
+        label: None,
+    }));
     HeatMap {
         title: format!("{seen} ({} links)", made.links),
         grid: *grid,
         values,
         unit: "dB/m",
         length_unit: "m",
-        overlays: marks(made.finds.as_ref(), &made.peaks),
+        overlays,
         range: None,
     }
 }
@@ -539,7 +604,7 @@ mod tests {
         export(&store, &out, Some(2)).unwrap();
         let stored = GroundStore::open_to_read(&store).unwrap();
         let images = stored.newest_images(RunId(2)).unwrap();
-        let spec = heat(&images[0]);
+        let spec = heat(&images[0], &[]);
         let Placement {
             corner,
             metres_per_px,

@@ -6,14 +6,16 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::PossibleValuesParser;
-use tomoswarm_proto::{OrderKind, RunId, VehicleId};
+use tomoswarm_proto::{OrderKind, Position, RunId, VehicleId};
 
 use super::error::CliError;
 use super::operator::{OperatorContext, fault, seconds};
 use super::read;
 use super::stop::StopFlag;
 use crate::config::{GivenMission, Venue};
+use crate::geom::Point;
 use crate::operator::fleet_view::Incompatibility;
+use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::given_tasks::task_kind;
 use crate::operator::names::kind_name;
 use crate::operator::operator_actor::{In, Out};
@@ -29,6 +31,8 @@ const LOOK: Duration = Duration::from_millis(100);
 const LINKS_WITHIN: Duration = Duration::from_millis(1500);
 /// The number of the only want of this command.
 const ONE: u32 = 0;
+/// A place is no further away than this, metres.
+const FAR_M: f64 = 100_000.0;
 
 /// Tell vehicles what to do; ends when their State shows it.
 ///
@@ -48,9 +52,9 @@ pub struct OrderArgs {
     /// What to do
     #[arg(value_enum, value_name = "WHAT")]
     pub what: OrderWord,
-    /// Which vehicles [default: all]
-    #[arg(value_name = "VEHICLE", value_parser = clap::value_parser!(u8).range(1..=250))]
-    pub vehicles: Vec<u8>,
+    /// Which vehicles [default: all]; with mark the places, X,Y in metres in the venue's frame (put -- before a negative X)
+    #[arg(value_name = "VEHICLE", value_parser = parse_target)]
+    pub targets: Vec<OrderTarget>,
     /// With start: begin this mission, as a run of its own [default: what the run is; without a task what the files say]
     #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(GivenMission::kinds()))]
     pub mission: Option<String>,
@@ -78,6 +82,36 @@ pub struct OrderArgs {
     /// Confirm that the motors are cut, whatever falls
     #[arg(long)]
     pub yes_cut_motors: bool,
+    /// With mark: take the marks at these places back
+    #[arg(long)]
+    pub take_back: bool,
+}
+
+/// For whom, or where.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum OrderTarget {
+    /// A vehicle.
+    Vehicle(u8),
+    /// A place, metres in the venue's frame.
+    Place(Point),
+}
+
+fn parse_target(text: &str) -> Result<OrderTarget, String> {
+    let Some((x, y)) = text.split_once(',') else {
+        let id = text.parse().ok().filter(|id| (1..=250).contains(id));
+        let expected = "expected a vehicle, 1 to 250, or with mark a place X,Y";
+        return id
+            .map(OrderTarget::Vehicle)
+            .ok_or_else(|| expected.to_owned());
+    };
+    let metres = |text: &str| {
+        let metres = text.trim().parse::<f64>().ok();
+        metres.filter(|metres| metres.abs() <= FAR_M)
+    };
+    let place = metres(x).zip(metres(y));
+    place
+        .map(|(x_m, y_m)| OrderTarget::Place(Point::new(x_m, y_m)))
+        .ok_or_else(|| format!("expected X,Y in metres, at most {FAR_M} m away"))
 }
 
 /// What a vehicle can be told.
@@ -99,6 +133,8 @@ pub enum OrderWord {
     Emergency,
     /// Cut the motors at once, whatever falls; needs --yes-cut-motors
     CutMotors,
+    /// Note in the ground station's store that somebody truly stands at X,Y: finds are compared with it. Moves nobody
+    Mark,
 }
 
 const AFTER_HELP: &str = "\
@@ -123,8 +159,13 @@ Examples:
   tomoswarm order operator.toml emergency 2           vehicle 2 alone does
   tomoswarm order operator.toml start                 lifts it, and all begin again
   tomoswarm order operator.toml start --take-over     in place of another ground station
+  tomoswarm order operator.toml mark 3.2,7.5          somebody stands there, in the present or last run
+  tomoswarm order operator.toml mark 3.2,7.5 --run 2 --take-back
 
-Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody heard, a vehicle that does not fit or refuses the
+A mark is said until the ground station has stored it (table marks, docs/store.md); tomoswarm export writes marks, and how far
+finds are from them.
+
+Exit codes: 0 every vehicle shows the order, or the marks are stored; 1 not in time, overruled, nobody heard, a vehicle that does not fit or refuses the
 mission, a start of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or
 configuration.";
 
@@ -137,7 +178,7 @@ impl OrderWord {
             OrderWord::Return => Some(OrderKind::Return),
             OrderWord::Land => Some(OrderKind::Land),
             OrderWord::CutMotors => Some(OrderKind::CutMotors),
-            OrderWord::Emergency => None,
+            OrderWord::Emergency | OrderWord::Mark => None,
         }
     }
 
@@ -175,6 +216,14 @@ impl OrderArgs {
                 "--mission belongs to start only".to_owned(),
             ));
         }
+        let (vehicles, places) = self.targets();
+        if self.what == OrderWord::Mark {
+            return self.mark(&vehicles, &places, out);
+        }
+        if !places.is_empty() || self.take_back {
+            let refused = "places X,Y and --take-back belong to mark only";
+            return Err(CliError::Usage(refused.to_owned()));
+        }
         let context = OperatorContext::read(&self.config)?;
         let mission = self.mission(&context.venue)?;
         let stop = StopFlag::listen();
@@ -196,6 +245,69 @@ impl OrderArgs {
         }
     }
 
+    /// Returns the vehicles and the places that are named.
+    fn targets(&self) -> (Vec<u8>, Vec<Point>) {
+        let (mut vehicles, mut places) = (Vec::new(), Vec::new());
+        for target in &self.targets {
+            match target {
+                OrderTarget::Vehicle(id) => vehicles.push(*id),
+                OrderTarget::Place(at) => places.push(*at),
+            }
+        }
+        (vehicles, places)
+    }
+
+    /// Marks places, and says what became of each.
+    fn mark(&self, vehicles: &[u8], places: &[Point], out: &mut dyn Write) -> Result<(), CliError> {
+        if places.is_empty() || !vehicles.is_empty() {
+            let refused = "mark expects places, X,Y in metres, and no vehicles";
+            return Err(CliError::Usage(refused.to_owned()));
+        }
+        let context = OperatorContext::read(&self.config)?;
+        let stop = StopFlag::listen();
+        let mut operator = context.open()?;
+        for (number, at) in (0..).zip(places) {
+            let request = MarkRequest {
+                run: self.run.map(RunId),
+                at: Position::from_metres(at.x_m, at.y_m, 0.0),
+                stands: !self.take_back,
+                within: self.timeout,
+            };
+            operator.tell(In::Mark(number, request));
+        }
+        let (mut open, mut undone) = (places.len(), Vec::new());
+        while open > 0 {
+            if stop.is_asked() {
+                (0..)
+                    .zip(places)
+                    .for_each(|(number, _)| operator.tell(In::Withdraw(number)));
+            }
+            let until = operator.now() + LOOK;
+            for said in operator.go_on(until, |_, _| {}).map_err(fault)? {
+                let Out::Marked(_, outcome) = said else {
+                    continue;
+                };
+                open -= 1;
+                match outcome {
+                    MarkOutcome::Stored(_) => {
+                        writeln!(out, "{outcome}").map_err(CliError::stdout)?;
+                    }
+                    MarkOutcome::NoRun | MarkOutcome::NotStored(_) | MarkOutcome::Withdrawn => {
+                        undone.push(outcome.to_string());
+                    }
+                }
+            }
+        }
+        undone.dedup();
+        let troubles = operator.session().troubles();
+        operator.close();
+        if undone.is_empty() {
+            return Ok(());
+        }
+        undone.extend(troubles);
+        Err(CliError::Swarm(undone.join("; ")))
+    }
+
     /// Returns the mission that is to be begun, if one is named.
     ///
     /// # Errors
@@ -204,7 +316,7 @@ impl OrderArgs {
         let Some(kind) = &self.mission else {
             return Ok(None);
         };
-        let vehicles = Some(self.vehicles.len()).filter(|count| *count > 0);
+        let vehicles = Some(self.targets.len()).filter(|count| *count > 0);
         let mut loader = |name: &str| read::named(Path::new(name));
         let GivenMission { task, sweep } =
             GivenMission::read(kind, &self.set, (venue, vehicles), &mut loader)?;
@@ -218,7 +330,7 @@ impl OrderArgs {
     /// Returns what the operator is told.
     fn wish(&self, mission: Option<MissionRequest>) -> In {
         let ids = |all: &[u8]| all.iter().map(|id| VehicleId(*id)).collect();
-        let (vehicles, within) = (ids(&self.vehicles), self.timeout);
+        let (vehicles, within) = (ids(&self.targets().0), self.timeout);
         match self.what.kind() {
             None => In::Stop(ONE, StopRequest { vehicles, within }),
             Some(kind) => In::Want(
@@ -263,6 +375,7 @@ fn until_over(
             | Out::StopEvent(_)
             | Out::InForce(..)
             | Out::Announce(_)
+            | Out::Marked(..)
             | Out::ScriptEnded(_) => None,
         });
         if let Some(outcome) = over {

@@ -437,7 +437,8 @@ impl Board {
             | Message::Beacon(_)
             | Message::Task(_)
             | Message::Image(_)
-            | Message::Fix(_) => {}
+            | Message::Fix(_)
+            | Message::Mark(_) => {}
         }
     }
 
@@ -480,7 +481,8 @@ impl Board {
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Task(_)
-            | Message::Fix(_) => {}
+            | Message::Fix(_)
+            | Message::Mark(_) => {}
         }
     }
 

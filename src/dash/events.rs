@@ -114,7 +114,8 @@ impl EventList {
             | Message::Beacon(_)
             | Message::Task(_)
             | Message::Image(_)
-            | Message::Fix(_) => {}
+            | Message::Fix(_)
+            | Message::Mark(_) => {}
         }
     }
 

@@ -329,6 +329,7 @@ fn is_shown(input: &BoardInput) -> bool {
                 | Message::Order(_)
                 | Message::Task(_)
                 | Message::Fix(_)
+                | Message::Mark(_)
         ),
         HeardMessage::Greeting(..) => true,
         HeardMessage::Unknown(_) => false,

@@ -189,7 +189,8 @@ impl Numbers {
             | Message::Health(_)
             | Message::Standing(_)
             | Message::Image(_)
-            | Message::Fix(_) => return Numbers::default(),
+            | Message::Fix(_)
+            | Message::Mark(_) => return Numbers::default(),
         })
     }
 

@@ -154,6 +154,7 @@ fn of_stranger(message: Message) -> Option<Message> {
         | Message::Report(_)
         | Message::Task(_)
         | Message::Image(_)
-        | Message::Fix(_) => None,
+        | Message::Fix(_)
+        | Message::Mark(_) => None,
     }
 }

@@ -237,6 +237,15 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         class: Urgency::High,
         is_replaced: true,
     },
+    // The ground station says a mark that it has stored. Two marks of one run are two places.
+    MessageRule {
+        kind: MessageKind::Mark,
+        of_vehicle: None,
+        of_ground: OPERATORS,
+        of_operator: GROUND,
+        class: Urgency::Normal,
+        is_replaced: false,
+    },
 ];
 
 // A row out of order does not compile.
@@ -271,7 +280,8 @@ pub fn interest(kind: MessageKind) -> Option<Interest> {
         | MessageKind::Beacon
         | MessageKind::Report
         | MessageKind::Standing
-        | MessageKind::Task => None,
+        | MessageKind::Task
+        | MessageKind::Mark => None,
     }
 }
 

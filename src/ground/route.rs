@@ -148,7 +148,8 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Health(_)
         | Message::Task(_)
         | Message::Image(_)
-        | Message::Fix(_) => None,
+        | Message::Fix(_)
+        | Message::Mark(_) => None,
     };
     if let (Sender::Operator(operator), Message::Hello(_)) = (sender, &message) {
         let heard = image_publisher::In::Heard(operator);

@@ -244,8 +244,9 @@ impl Station {
             Message::Plan(plan) => change = self.leases.heard(now, plan.lease),
             Message::Hello(hello) => change = self.leases.heard_hello(now, &hello),
             Message::Task(task) => self.take_task(&task),
-            // What an operator orders shows in State, which stops are open comes from their keeper; the rest is said by
-            // grounds, or the bus's and the radio's business.
+            // It has been stored.
+            Message::Mark(mark) => out.push(Out::Publish(Message::Mark(mark))),
+            // What operators order shows in State, stops come from their keeper; the rest is of grounds, bus and radio.
             Message::Order(_)
             | Message::Have(_)
             | Message::Health(_)

@@ -294,8 +294,12 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
         Message::Task(task) => to.push(Destination::Mission(mission::In::Task(task))),
         Message::Fix(fix) => to.push(Destination::Autopilot(link::In::Fix(sender, fix))),
-        // Samples are the ground's business, images operators'; beacons come by radio.
-        Message::Samples(_) | Message::Beacon(_) | Message::Health(_) | Message::Image(_) => {}
+        // Samples and marks are the ground's business, images operators'; beacons come by radio.
+        Message::Samples(_)
+        | Message::Beacon(_)
+        | Message::Health(_)
+        | Message::Image(_)
+        | Message::Mark(_) => {}
     }
 }
 

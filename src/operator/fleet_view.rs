@@ -339,7 +339,8 @@ impl FleetView {
             | Message::Beacon(_)
             | Message::Task(_)
             | Message::Image(_)
-            | Message::Fix(_) => {}
+            | Message::Fix(_)
+            | Message::Mark(_) => {}
         }
     }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyStop, Fix, Hello, Message, VehicleId};
 
 use super::HeardMessage;
+use super::given_marks::{MarkOutcome, MarkRequest};
 use super::order_goal::{GoalId, OrderGoal, StopRequest};
 use super::outcome::OrderOutcome;
 use super::script::{ScriptEnd, ScriptStep};
@@ -44,6 +45,8 @@ pub enum In {
     CueDone,
     /// Where something outside has measured a vehicle to be; it is passed on at once.
     Fix(Fix),
+    /// A true position that is to be marked, under a number of its own.
+    Mark(u32, MarkRequest),
 }
 
 /// What the operator can say.
@@ -59,6 +62,8 @@ pub enum Out {
     InForce(GoalId, OrderOutcome),
     /// A want is over.
     Ended(GoalId, OrderOutcome),
+    /// A mark is over.
+    Marked(u32, MarkOutcome),
     /// The script asks for something outside the bus; [`In::CueDone`] says that it is done.
     Announce(String),
     /// The script is over.
@@ -71,6 +76,7 @@ impl Out {
         match self {
             Out::Publish(_) | Out::Announce(_) | Out::Give(_) => None,
             Out::StopEvent(event) => Some(event.to_string()),
+            Out::Marked(_, outcome) => Some(outcome.to_string()),
             Out::InForce(want, outcome) => Some(format!(
                 "{want}, run {}, is in force",
                 outcome.run.unwrap_or_default()
@@ -106,6 +112,8 @@ pub enum Key {
     CueDone,
     /// The newest fix of a vehicle.
     Fix(VehicleId),
+    /// A mark.
+    Mark(u32),
 }
 
 impl Input for In {
@@ -128,6 +136,7 @@ impl Input for In {
             In::Follow(_) => InputClass::Latest(Key::Follow),
             In::CueDone => InputClass::Latest(Key::CueDone),
             In::Fix(fix) => InputClass::Latest(Key::Fix(fix.vehicle)),
+            In::Mark(number, _) => InputClass::Latest(Key::Mark(*number)),
         }
     }
 
@@ -145,7 +154,8 @@ impl Input for In {
             | In::Withdraw(_)
             | In::Follow(_)
             | In::CueDone
-            | In::Fix(_) => None,
+            | In::Fix(_)
+            | In::Mark(..) => None,
         };
         match (state(&unread), state(&newer)) {
             (Some(was), Some(is)) if was.0 == is.0 && was > is => unread,

@@ -2,7 +2,8 @@
 //!
 //! It is told what came over the bus, whether anyone can be reached, what is wanted by hand, a script to follow, and that a
 //! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until Report and Mission show them, and its
-//! greeting, every 2 s, or every second while it holds a lease; and how wants and the script ended.
+//! greeting, every 2 s, or every second while it holds a lease; marks, every 200 ms until the ground says that they are stored; and
+//! how wants, marks and the script ended.
 //! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
 //! State. It names a wanted emergency stop and hands it to the keeper of the stops ([`super::stopping`]).
 //!
@@ -20,7 +21,7 @@
 //! A later want takes the place of an earlier one on the vehicles that both name. By whose right it orders, and when
 //! somebody else's order counts more, is said in [`super::ordering`].
 //!
-//! Deadlines: `greets`, `orders`, `tasks`, and those of the script.
+//! Deadlines: `greets`, `orders`, `tasks`, `marks`, and those of the script.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -32,6 +33,7 @@ use tomoswarm_proto::{
 
 use super::HeardMessage;
 use super::fleet_view::FleetView;
+use super::given_marks::{GivenMarks, MarkOutcome};
 use super::given_tasks::GivenTasks;
 pub use super::messages::{In, Key, OperatorSettings, Out};
 use super::order_goal::{GoalId, OrderGoal, StopRequest};
@@ -65,6 +67,7 @@ pub struct Operator {
     /// Names of emergency stops drawn so far.
     names: u32,
     tasks: GivenTasks,
+    marks: GivenMarks,
     script: Option<ScriptRun>,
     last_want: LastGoal,
     script_wants: u32,
@@ -87,6 +90,7 @@ enum Due {
     Orders,
     Greets,
     Tasks,
+    Marks,
     Script(ScriptDue),
 }
 
@@ -109,6 +113,7 @@ impl Operator {
             stops: BTreeMap::new(),
             names: 0,
             tasks: GivenTasks::default(),
+            marks: GivenMarks::default(),
             script: None,
             last_want: LastGoal::Open,
             script_wants: 0,
@@ -257,6 +262,20 @@ impl Operator {
         }
     }
 
+    /// Says the marks that are due, and gives up those whose time is up.
+    fn look_after_marks(&mut self, now: Time, out: &mut Vec<Out>) {
+        let over = self.marks.given_up(now);
+        out.extend(
+            over.into_iter()
+                .map(|(number, how)| Out::Marked(number, how)),
+        );
+        let due = self.marks.due(now, &self.view, self.linked.is_some());
+        out.extend(
+            due.into_iter()
+                .map(|mark| Out::Publish(Message::Mark(mark))),
+        );
+    }
+
     /// Ends the wants of which that is so.
     fn give_up(
         &mut self,
@@ -293,6 +312,7 @@ impl Operator {
         self.deliver_goals(now, &mut output);
         self.look_after_stops(now, &mut output);
         self.follow_script(now, &mut output);
+        self.look_after_marks(now, &mut output);
         // A lease that is taken is named before the first order under it.
         self.greet(now, out);
         out.append(&mut output);
@@ -438,6 +458,7 @@ impl Operator {
             orders.map(|at| (at, Due::Orders)),
             greets.map(|(at, lease)| (at + greets_every(lease), Due::Greets)),
             self.tasks.next().map(|at| (at, Due::Tasks)),
+            self.marks.next().map(|at| (at, Due::Marks)),
             script.map(|(at, due)| (at, Due::Script(due))),
         ];
         all.into_iter().flatten().min()
@@ -458,6 +479,7 @@ impl Due {
             Due::Orders => "orders",
             Due::Greets => "greets",
             Due::Tasks => "tasks",
+            Due::Marks => "marks",
             Due::Script(due) => due.why(),
         }
     }
@@ -496,6 +518,13 @@ impl Actor for Operator {
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
+            In::Bus(HeardMessage::Message(Sender::Ground, Message::Mark(mark))) => {
+                let over = self.marks.stored(mark);
+                out.extend(
+                    over.into_iter()
+                        .map(|(number, how)| Out::Marked(number, how)),
+                );
+            }
             In::Bus(heard) => {
                 if !self.hear(now, &heard) {
                     return Ok(());
@@ -510,6 +539,9 @@ impl Actor for Operator {
             In::Want(number, want) => self.take_up(now, GoalId::Hand(number), want, out),
             In::Stop(number, wish) => self.stop(now, GoalId::Hand(number), wish, out),
             In::Withdraw(number) => {
+                if self.marks.withdraw(number) {
+                    out.push(Out::Marked(number, MarkOutcome::Withdrawn));
+                }
                 self.give_up(now, |id, _| id == GoalId::Hand(number), out);
                 if let Some(stopping) = self.stops.remove(&GoalId::Hand(number)) {
                     self.end(
@@ -528,6 +560,7 @@ impl Actor for Operator {
                 out.push(Out::Publish(Message::Fix(fix)));
                 return Ok(());
             }
+            In::Mark(number, request) => self.marks.give(now, number, request),
             In::CueDone => {
                 if let Some(script) = &mut self.script {
                     script.cue_done();

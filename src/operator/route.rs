@@ -62,6 +62,7 @@ fn for_stops(event: &In) -> Option<stops::In> {
         | In::Withdraw(_)
         | In::Follow(_)
         | In::CueDone
-        | In::Fix(_) => None,
+        | In::Fix(_)
+        | In::Mark(..) => None,
     }
 }

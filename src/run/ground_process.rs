@@ -338,6 +338,8 @@ impl Subscriber {
             | Message::Task(_)
             | Message::Image(_)
             | Message::Fix(_) => self.node.tell(Event::Bus(sender, message)),
+            // One that cannot be taken now is said again.
+            Message::Mark(mark) => drop(self.store.try_send(StoreJob::Mark(sender, mark))),
         }
     }
 }
@@ -400,7 +402,8 @@ impl Edge {
             | Message::Standing(_)
             | Message::Task(_)
             | Message::Image(_)
-            | Message::Fix(_) => self.publisher.publish(&message),
+            | Message::Fix(_)
+            | Message::Mark(_) => self.publisher.publish(&message),
         }
     }
 }

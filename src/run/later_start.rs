@@ -135,7 +135,8 @@ fn later_start(own: LayerId, message: &Message) -> Option<Boot> {
         | Message::Standing(_)
         | Message::Task(_)
         | Message::Image(_)
-        | Message::Fix(_) => None,
+        | Message::Fix(_)
+        | Message::Mark(_) => None,
     }
 }
 

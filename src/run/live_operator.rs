@@ -116,6 +116,7 @@ impl LiveOperator {
                 Out::Give(_) => {}
                 Out::InForce(..)
                 | Out::Ended(..)
+                | Out::Marked(..)
                 | Out::Announce(_)
                 | Out::ScriptEnded(_)
                 | Out::StopEvent(_) => {

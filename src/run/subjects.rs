@@ -88,7 +88,11 @@ fn about_anything(role: &str, row: &MessageRule) -> String {
         | MessageKind::Health
         | MessageKind::Report
         | MessageKind::Standing => "",
-        MessageKind::Plan | MessageKind::Order | MessageKind::Task | MessageKind::Fix => "/*",
+        MessageKind::Plan
+        | MessageKind::Order
+        | MessageKind::Task
+        | MessageKind::Fix
+        | MessageKind::Mark => "/*",
         MessageKind::Tile | MessageKind::Want | MessageKind::Image => "/**",
     };
     format!("{role}/{}{tail}", row.kind)
@@ -181,6 +185,7 @@ mod tests {
             "operator/*/want/**",
             "operator/*/standing",
             "operator/*/task/*",
+            "operator/*/mark/*",
         ];
         let check = |node, expected: &[&str]| {
             let heard = heard_by(node);

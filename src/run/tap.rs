@@ -229,6 +229,6 @@ mod tests {
     #[test]
     fn every_kind_can_be_asked_for() {
         assert!(kinds().contains(&Message::Report(report()).word()));
-        assert_eq!(kinds().len(), 17);
+        assert_eq!(kinds().len(), 18);
     }
 }

@@ -476,6 +476,7 @@ mod tests {
             | Message::Task(_)
             | Message::Hello(_) => vec![A, B, NodeId::Ground],
             Message::Fix(fix) => vec![NodeId::Vehicle(fix.vehicle)],
+            Message::Mark(_) => vec![NodeId::Ground],
             Message::Beacon(_) | Message::Image(_) => Vec::new(),
         }
     }

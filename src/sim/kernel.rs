@@ -399,6 +399,7 @@ impl Kernel {
                     Out::Announce(_)
                     | Out::InForce(..)
                     | Out::Ended(..)
+                    | Out::Marked(..)
                     | Out::Give(_)
                     | Out::StopEvent(_) => {}
                 }

@@ -19,13 +19,13 @@ use rusqlite::{
     Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params,
 };
 use serde_json::json;
-use tomoswarm_proto::{Boot, Plan, RunId, Samples, TileReport, VehicleId};
+use tomoswarm_proto::{Boot, Mark, Plan, RunId, Samples, TileReport, VehicleId};
 
 use super::{StoreError, sample_row};
 use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::tomo::{Image, Peak};
 
-pub use reading::{Provenance, RestoredStore, StoredImage, StoredRun};
+pub use reading::{Provenance, RestoredStore, StoredImage, StoredMark, StoredRun};
 
 /// How long another program may hold the file.
 const BUSY: Duration = Duration::from_secs(3);
@@ -173,8 +173,13 @@ impl GroundStore {
                     "INSERT INTO store VALUES (?, ?, ?)",
                     params![hex(start.new_id), hex(expected), now_utc_s()],
                 )?;
-            } else if schema::version(transaction)? < 2 {
-                transaction.execute_batch(schema::FROM_1_TO_2)?;
+            } else {
+                if schema::version(transaction)? < 2 {
+                    transaction.execute_batch(schema::FROM_1_TO_2)?;
+                }
+                if schema::version(transaction)? < 3 {
+                    transaction.execute_batch(&schema::from_2_to_3())?;
+                }
             }
             let found: String =
                 transaction.query_row("SELECT venue_hash FROM store", [], |row| row.get(0))?;
@@ -329,6 +334,33 @@ impl GroundStore {
                 "INSERT INTO runs VALUES (?, ?, ?, NULL) ON CONFLICT DO UPDATE SET empty_run = excluded.empty_run",
                 params![run.0, empty.map(|run| run.0), now_utc_s()],
             )?;
+            Ok(())
+        })
+    }
+
+    /// Stores a mark, or takes it back; one that stands already keeps its time.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn keep_mark(&mut self, mark: Mark) -> Result<(), StoreError> {
+        let metres = |coordinate_mm: i32| f64::from(coordinate_mm) / 1e3;
+        let (x_m, y_m, z_m) = (
+            metres(mark.at.x_mm),
+            metres(mark.at.y_mm),
+            metres(mark.at.z_mm),
+        );
+        self.write(|transaction| {
+            if mark.stands {
+                transaction.execute(
+                    "INSERT OR IGNORE INTO marks VALUES (?, ?, ?, ?, ?)",
+                    params![mark.run.0, x_m, y_m, z_m, now_utc_s()],
+                )?;
+            } else {
+                transaction.execute(
+                    "DELETE FROM marks WHERE (run, x_m, y_m, z_m) = (?, ?, ?, ?)",
+                    params![mark.run.0, x_m, y_m, z_m],
+                )?;
+            }
             Ok(())
         })
     }

@@ -59,6 +59,40 @@ fn of_two_grounds_the_second_stands_by_and_ends_the_run_when_the_first_dies() {
 }
 
 #[test]
+fn a_place_that_is_marked_is_on_disk_when_that_is_said_and_finds_are_judged_by_it() {
+    let mut swarm = two();
+    swarm.begin();
+    swarm.until_samples(20);
+    swarm.order(&["mark", "3,3.5", "1.25,5"]);
+    swarm.kill("ground");
+    let unheard = swarm.try_order(&["mark", "2,2", "--run", "1", "--timeout", "2"]);
+    assert!(!unheard.status.success(), "nobody has stored it");
+    let reason = String::from_utf8_lossy(&unheard.stderr).into_owned();
+    assert!(
+        reason.contains("no ground station has stored the mark at (2, 2) of run 1"),
+        "{reason}"
+    );
+    swarm.restart(GROUND);
+    swarm.order(&["mark", "1.25,5", "--take-back", "--timeout", "30"]);
+    swarm.until_end();
+    swarm.order(&["mark", "--run", "1", "--", "-0.5,0.25"]);
+    swarm.end_in_order();
+    let said = swarm.tool(&["export", "state-g/ground.sqlite", "--out", "out"]);
+    assert!(
+        said.contains("structure: marked (3, 3.5): the nearest peak is "),
+        "{said}"
+    );
+    let marks = std::fs::read_to_string(swarm.path("out/run-1-marks.csv")).unwrap();
+    let places: Vec<&str> = marks.lines().skip(1).collect();
+    assert!(
+        places.len() == 2
+            && places[0].starts_with("1,3,3.5,0,2")
+            && places[1].starts_with("1,-0.5,0.25,0,2"),
+        "{marks}"
+    );
+}
+
+#[test]
 fn a_ground_with_an_empty_disk_gets_all_samples_again() {
     let mut swarm = two();
     swarm.begin();

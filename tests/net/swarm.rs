@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
@@ -653,13 +653,18 @@ impl Swarm {
         });
     }
 
-    pub fn order(&self, words: &[&str]) {
+    /// Orders, whatever becomes of it.
+    pub fn try_order(&self, words: &[&str]) -> Output {
         let mut program = Command::new(PROGRAM);
         let run = program
             .args(["order", "operator.toml"])
             .args(words)
             .current_dir(self.folder.path());
-        let run = run.output().unwrap();
+        run.output().unwrap()
+    }
+
+    pub fn order(&self, words: &[&str]) {
+        let run = self.try_order(words);
         assert!(
             run.status.success(),
             "order {words:?}: {}",

@@ -998,6 +998,11 @@ fn fix() -> impl Strategy<Value = Fix> {
     })
 }
 
+fn mark() -> impl Strategy<Value = Mark> {
+    let run = (0..u32::MAX).prop_map(RunId);
+    (run, position(), any::<bool>()).prop_map(|(run, at, stands)| Mark { run, at, stands })
+}
+
 /// Draws a message of any kind.
 pub fn message() -> impl Strategy<Value = Message> {
     prop_oneof![
@@ -1018,5 +1023,6 @@ pub fn message() -> impl Strategy<Value = Message> {
         task().prop_map(Message::Task),
         image().prop_map(Message::Image),
         fix().prop_map(Message::Fix),
+        mark().prop_map(Message::Mark),
     ]
 }

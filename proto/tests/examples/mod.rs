@@ -440,6 +440,14 @@ pub fn examples() -> Vec<(&'static str, Message)> {
                 age_ms: 12,
             }),
         ),
+        (
+            "mark",
+            Message::Mark(Mark {
+                run: RunId(7),
+                at: position(8000, 12_250),
+                stands: true,
+            }),
+        ),
     ]
 }
 

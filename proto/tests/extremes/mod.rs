@@ -433,5 +433,10 @@ pub fn extremes() -> Vec<Message> {
             sd: Deviation::UNKNOWN,
             age_ms: FIX_AGE_MAX_MS,
         }),
+        Message::Mark(Mark {
+            run: RunId(NUMBER),
+            at: position(),
+            stands: true,
+        }),
     ]
 }

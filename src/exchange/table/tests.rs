@@ -38,7 +38,7 @@ fn a_sender_may_say_what_its_row_allows_and_only_in_its_own_name() {
             .collect();
         let expected: &[Sender] = match word {
             "tile" | "digest" | "want" | "standing" => &ROLES,
-            "order" => &ROLES[1..],
+            "order" | "mark" => &ROLES[1..],
             "task" | "fix" => &ROLES[2..],
             "plan" | "have" | "report" | "image" => &ROLES[1..2],
             // The example is of vehicle 2.

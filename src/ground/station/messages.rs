@@ -87,7 +87,8 @@ pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
         | Message::Beacon(_)
         | Message::Standing(_)
         | Message::Image(_)
-        | Message::Fix(_) => None,
+        | Message::Fix(_)
+        | Message::Mark(_) => None,
     }
 }
 

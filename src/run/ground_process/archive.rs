@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use tomoswarm_proto::{
-    Boot, LayerId, Plan, Revision, RunId, Samples, TileAddress, TileReport, VehicleId,
+    Boot, LayerId, Mark, Plan, Revision, RunId, Samples, TileAddress, TileReport, VehicleId,
 };
 
 use super::super::mailbox::{Troubles, lock};
@@ -148,6 +148,11 @@ impl Archive {
         let is_stored = taken.is_ok();
         self.say("samples", taken.map(|_| ()));
         is_stored
+    }
+
+    /// Stores a mark, or takes it back; returns whether that is stored. One that is not stored is said again.
+    pub(super) fn keep_mark(&self, mark: Mark) -> bool {
+        self.place.is_there() && self.write("marks", |store| store.keep_mark(mark))
     }
 
     /// Notes how a vehicle's clock stands; a later estimate replaces it.

@@ -1,4 +1,4 @@
-//! The thread that stores samples and all that the station does not wait for, and tells the station of samples once they
+//! The thread that stores samples and all that the station does not wait for, and tells the station of samples and marks once they
 //! are stored. Its groups are small, so that the station's memory never waits long for the store. What could not be stored last
 //! is tried again, so that it is known when the store works again, whether or not anybody repeats anything.
 
@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-use tomoswarm_proto::{Boot, Message, Samples, Sender, TileReport, VehicleId};
+use tomoswarm_proto::{Boot, Mark, Message, Samples, Sender, TileReport, VehicleId};
 
 use super::archive::Archive;
 use super::utc::Clocks;
@@ -27,6 +27,7 @@ pub(super) enum StoreJob {
     Samples(Samples),
     Tile(TileReport),
     Software(VehicleId, Boot, String),
+    Mark(Sender, Mark),
     /// Nothing more: what came before is stored, and the thread ends.
     End,
 }
@@ -100,6 +101,11 @@ impl<T: Fn(Event)> StoreThread<T> {
                 StoreJob::Software(vehicle, boot, software) => {
                     self.clocks.hear(vehicle, boot);
                     self.archive.hold_software(vehicle, boot, software);
+                }
+                StoreJob::Mark(sender, mark) => {
+                    if self.archive.keep_mark(mark) {
+                        (self.tell)(Event::Bus(sender, Message::Mark(mark)));
+                    }
                 }
                 StoreJob::End => {}
             }

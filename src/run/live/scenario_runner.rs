@@ -287,7 +287,8 @@ impl ScenarioRunner {
             | Out::Give(_)
             | Out::StopEvent(_)
             | Out::InForce(..)
-            | Out::Ended(..) => ScenarioStatus::On,
+            | Out::Ended(..)
+            | Out::Marked(..) => ScenarioStatus::On,
         }
     }
 

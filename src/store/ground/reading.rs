@@ -68,6 +68,17 @@ pub struct StoredRun {
     pub closed_utc_s: Option<f64>,
 }
 
+/// A place in the store where somebody truly stood.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct StoredMark {
+    /// Where, metres in the venue's frame.
+    pub at: Point,
+    /// How high, metres.
+    pub z_m: f64,
+    /// When that was stored, seconds since 1970.
+    pub marked_utc_s: f64,
+}
+
 /// A picture in the store.
 #[derive(Clone, PartialEq, Debug)]
 pub struct StoredImage {
@@ -233,6 +244,29 @@ impl GroundStore {
                     empty: row.get::<_, Option<u32>>(1)?.map(RunId),
                     began_utc_s: row.get(2)?,
                     closed_utc_s: row.get(3)?,
+                })
+            })?;
+            rows.collect()
+        })
+    }
+
+    /// Returns where somebody truly stood in a run, in the order in which that was marked.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn marks(&self, run: RunId) -> Result<Vec<StoredMark>, StoreError> {
+        self.read(|store| {
+            // Who only reads does not bring the tables up to date.
+            if schema::version(&store.connection)? < 3 {
+                return Ok(Vec::new());
+            }
+            let query = "SELECT x_m, y_m, z_m, marked_utc_s FROM marks WHERE run = ? ORDER BY marked_utc_s, x_m, y_m";
+            let mut statement = store.connection.prepare(query)?;
+            let rows = statement.query_map([run.0], |row| {
+                Ok(StoredMark {
+                    at: Point::new(row.get(0)?, row.get(1)?),
+                    z_m: row.get(2)?,
+                    marked_utc_s: row.get(3)?,
                 })
             })?;
             rows.collect()

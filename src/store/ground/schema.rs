@@ -8,11 +8,21 @@ use std::path::Path;
 /// Marks the file as a store ("tSgs").
 pub(super) const APPLICATION: i64 = 0x7453_6773;
 /// Version of the tables.
-pub(super) const VERSION: i64 = 2;
+pub(super) const VERSION: i64 = 3;
 
 /// Makes the tables of version 1 those of version 2, which have the finds of images.
 pub(super) const FROM_1_TO_2: &str =
     "ALTER TABLE images ADD COLUMN finds TEXT NOT NULL DEFAULT 'null'; PRAGMA user_version = 2;";
+
+/// The places where somebody truly stood.
+const MARKS: &str = "CREATE TABLE marks (
+             run INTEGER NOT NULL, x_m REAL NOT NULL, y_m REAL NOT NULL, z_m REAL NOT NULL, marked_utc_s REAL NOT NULL,
+             PRIMARY KEY (run, x_m, y_m, z_m)) WITHOUT ROWID;";
+
+/// Returns the statements that make the tables of version 2 those of version 3, which have marks.
+pub(super) fn from_2_to_3() -> String {
+    format!("{MARKS} PRAGMA user_version = 3;")
+}
 
 /// Returns the statements that make the tables, for one transaction.
 pub(super) fn tables() -> String {
@@ -45,6 +55,7 @@ pub(super) fn tables() -> String {
              x0_m REAL NOT NULL, y0_m REAL NOT NULL, x1_m REAL NOT NULL, y1_m REAL NOT NULL,
              links INTEGER NOT NULL, residual_db REAL, peaks TEXT NOT NULL, data BLOB NOT NULL, finds TEXT NOT NULL DEFAULT 'null',
              PRIMARY KEY (run, laps, kind));
+         {MARKS}
          CREATE TABLE memory (one INTEGER PRIMARY KEY CHECK (one = 1), version TEXT NOT NULL, blob BLOB NOT NULL);
          PRAGMA application_id = {APPLICATION};
          PRAGMA user_version = {VERSION};"

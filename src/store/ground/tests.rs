@@ -4,7 +4,7 @@ use crate::ground::imager::ImageStage;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
-use tomoswarm_proto::{LayerId, Lease, Sample, TILE_CELLS, TileAddress};
+use tomoswarm_proto::{LayerId, Lease, Position, Sample, TILE_CELLS, TileAddress};
 
 use super::*;
 use crate::geom::{PixelGrid, Point, Rect};
@@ -209,17 +209,71 @@ fn a_store_of_version_1_is_read_and_brought_up_to_date() {
     let path = path_in(&folder);
     let mut store = GroundStore::open(&path, &START).unwrap();
     store.keep_picture(&picture(2)).unwrap();
-    let back = "ALTER TABLE images DROP COLUMN finds; PRAGMA user_version = 1;";
+    let back = "ALTER TABLE images DROP COLUMN finds; DROP TABLE marks; PRAGMA user_version = 1;";
     store.connection.execute_batch(back).unwrap();
     drop(store);
     let run = picture(2).run;
     let finds = |store: &GroundStore| store.newest_images(run).unwrap()[0].finds.clone();
-    assert_eq!(finds(&GroundStore::open_to_read(&path).unwrap()), None);
+    let old = GroundStore::open_to_read(&path).unwrap();
+    assert_eq!((finds(&old), old.marks(run).unwrap()), (None, vec![]));
+    drop(old);
     let mut store = GroundStore::open(&path, &START).unwrap();
     assert_eq!(schema::version(&store.connection).unwrap(), schema::VERSION);
     assert_eq!(finds(&store), None);
     store.keep_picture(&picture(3)).unwrap();
     assert_eq!(finds(&store), picture(3).result.unwrap().finds);
+    store.keep_mark(mark_at(run.0, 1000)).unwrap();
+    assert_eq!(store.marks(run).unwrap().len(), 1);
+}
+
+fn mark_at(run: u32, x_mm: i32) -> Mark {
+    Mark {
+        run: RunId(run),
+        at: Position {
+            x_mm,
+            y_mm: -2250,
+            z_mm: 0,
+        },
+        stands: true,
+    }
+}
+
+#[test]
+fn a_place_is_marked_once_and_can_be_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = make(&path_in(&folder));
+    let mark = mark_at(2, 1000);
+    let places = |store: &GroundStore, run: u32| -> Vec<Point> {
+        let marks = store.marks(RunId(run)).unwrap();
+        marks.into_iter().map(|mark| mark.at).collect()
+    };
+    store.keep_mark(mark).unwrap();
+    let first = store.marks(RunId(2)).unwrap();
+    for again in [mark, mark_at(2, 4000), mark_at(3, 1000)] {
+        store.keep_mark(again).unwrap();
+    }
+    let (here, there) = (Point::new(1.0, -2.25), Point::new(4.0, -2.25));
+    assert_eq!(
+        store.marks(RunId(2)).unwrap()[0],
+        first[0],
+        "keeps its time"
+    );
+    assert_eq!(
+        (places(&store, 2), places(&store, 3)),
+        (vec![here, there], vec![here])
+    );
+    let back = Mark {
+        stands: false,
+        ..mark
+    };
+    store.keep_mark(back).unwrap();
+    store.keep_mark(back).unwrap();
+    drop(store);
+    let store = GroundStore::open(&path_in(&folder), &START).unwrap();
+    assert_eq!(
+        (places(&store, 2), places(&store, 3)),
+        (vec![there], vec![here])
+    );
 }
 
 #[test]
@@ -348,7 +402,7 @@ fn what_is_no_store_of_this_venue_and_version_is_refused_untouched() {
     check_refused(
         newer,
         &START,
-        "newer tomoswarm (store version 99, this one knows 2)",
+        "newer tomoswarm (store version 99, this one knows 3)",
     );
     let damaged = |path: &Path| {
         drop(make(path));
@@ -530,6 +584,7 @@ fn the_documented_queries_run() {
     let mut store = make(&path_in(&folder));
     store.take(&[batch(9, 1, 0..5), batch(9, 1, 8..9)]).unwrap();
     store.keep_picture(&picture(3)).unwrap();
+    store.keep_mark(mark_at(2, 1000)).unwrap();
     let answers: Vec<Vec<String>> = documented_queries()
         .iter()
         .map(|query| {
@@ -549,7 +604,7 @@ fn the_documented_queries_run() {
                 .collect()
         })
         .collect();
-    assert_eq!(answers.len(), 4);
+    assert_eq!(answers.len(), 5);
     assert_eq!(answers[0].len(), 2);
     assert!(
         answers[0][0].starts_with("Integer(1) Integer(1) Integer(2000) Integer(667) Real(-61.0)")
@@ -560,5 +615,11 @@ fn the_documented_queries_run() {
         answers[3][0].ends_with("Real(0.3) Real(1.1) Real(2.0)"),
         "{:?}",
         answers[3]
+    );
+    assert!(
+        answers[4].len() == 1
+            && answers[4][0].starts_with("Integer(2) Real(1.0) Real(-2.25) Real(11.83"),
+        "{:?}",
+        answers[4]
     );
 }

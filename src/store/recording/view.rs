@@ -162,7 +162,8 @@ impl RecordingView {
                 | Message::Standing(_)
                 | Message::Task(_)
                 | Message::Image(_)
-                | Message::Fix(_) => {}
+                | Message::Fix(_)
+                | Message::Mark(_) => {}
             }
         }
         for out in &step.outputs {
