@@ -1,7 +1,9 @@
 //! An actor's place in a live process: its inbox, which anyone may put inputs into without waiting, and the thread that
 //! lets it act.
 //!
-//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* mailbox whoever tells the
+//! The thread sleeps until something is unread or the actor's deadline has come; what may wait ([`Input::may_wait`]) is read
+//! with the next input that may not, or after 50 ms: while such inputs come the thread looks up by itself, and who tells it
+//! one need not wake it. At a *shared* mailbox whoever tells the
 //! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
 //! a tile. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
 //! nothing here knows who hears whom.
@@ -29,6 +31,8 @@ use crate::time::Time;
 
 /// Inputs of the queue class that may wait.
 const INBOX: usize = 256;
+/// What may wait is read after this long, or sooner together with what may not.
+const LIES_UNREAD: Duration = Duration::from_millis(50);
 /// A thread that has nothing to do looks up this often all the same.
 const IDLE: Duration = Duration::from_secs(5);
 
@@ -86,6 +90,10 @@ struct Unread<I> {
 
 struct MailboxState<I> {
     inbox: Inbox<I>,
+    /// Whether something is unread that may not wait.
+    is_pressing: bool,
+    /// Whether the thread looks up by itself soon enough for what may wait.
+    is_watchful: bool,
     is_closed: bool,
     /// Why the actor cannot go on.
     fault: Option<Fault>,
@@ -115,6 +123,8 @@ impl<I: Input> Mailbox<I> {
     fn set_up(name: &'static str, is_shared: bool) -> Mailbox<I> {
         let state = Mutex::new(MailboxState {
             inbox: Inbox::new(INBOX),
+            is_pressing: false,
+            is_watchful: false,
             is_closed: false,
             fault: None,
         });
@@ -134,7 +144,18 @@ impl<I: Input> Mailbox<I> {
 
     /// Puts an input into the inbox; never waits for the actor.
     pub fn tell(&self, input: I) {
-        lock(&self.unread.state).inbox.push(input);
+        let may_wait = input.may_wait();
+        let mut state = lock(&self.unread.state);
+        state.inbox.push(input);
+        state.is_pressing |= !may_wait;
+        let is_seen = may_wait && state.is_watchful;
+        drop(state);
+        if may_wait {
+            if !is_seen {
+                self.unread.come.notify_one();
+            }
+            return;
+        }
         let help = self
             .unread
             .help
@@ -174,13 +195,29 @@ impl<I: Input> Mailbox<I> {
     /// Waits until something is unread, the actor's deadline has come, or it cannot go on; false = closed.
     fn wait(&self, clock: Clock) -> bool {
         let mut state = lock(&self.unread.state);
+        // After inputs that may wait further ones are expected.
+        let mut looks_at = state.is_watchful.then(|| clock.now() + LIES_UNREAD);
         loop {
             let until = Time::from_nanos(self.unread.deadline.load(Ordering::Relaxed));
             let now = clock.now();
-            if state.is_closed || state.fault.is_some() || !state.inbox.is_empty() || until <= now {
+            let is_due = state.is_pressing || state.fault.is_some() || until <= now;
+            if state.is_closed || is_due {
                 return !state.is_closed;
             }
-            let wait = until.since(now).min(IDLE);
+            if !state.inbox.is_empty() {
+                looks_at.get_or_insert(now + LIES_UNREAD);
+            }
+            if looks_at.is_some_and(|at| at <= now) {
+                if !state.inbox.is_empty() {
+                    return true;
+                }
+                looks_at = None;
+            }
+            state.is_watchful = looks_at.is_some();
+            let wait = until
+                .min(looks_at.unwrap_or(Time::NEVER))
+                .since(now)
+                .min(IDLE);
             state = self
                 .unread
                 .come
@@ -208,7 +245,10 @@ impl<I: Input> Mailbox<I> {
 
     fn take(&self) -> Vec<I> {
         let mut state = lock(&self.unread.state);
-        std::iter::from_fn(|| state.inbox.pop()).collect()
+        state.is_pressing = false;
+        let taken: Vec<I> = std::iter::from_fn(|| state.inbox.pop()).collect();
+        state.is_watchful = taken.iter().any(I::may_wait);
+        taken
     }
 
     fn is_empty(&self) -> bool {
@@ -245,6 +285,8 @@ pub struct RuntimeContext {
 /// Why a process ends.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Ending {
+    /// It was asked to end.
+    Asked,
     /// An actor cannot go on.
     Fault(Fault),
     /// It may not take part in the bus.
@@ -468,11 +510,16 @@ mod tests {
 
     #[derive(Clone, Serialize, Deserialize)]
     struct Told(u32);
+    /// The first number of those that may wait.
+    const WAITS: u32 = 20;
 
     impl Input for Told {
         type Key = ();
         fn class(&self) -> InputClass<()> {
             InputClass::Queue
+        }
+        fn may_wait(&self) -> bool {
+            (WAITS..WAITS + 10).contains(&self.0)
         }
     }
 
@@ -615,6 +662,26 @@ mod tests {
         let counted =
             std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
         assert_eq!(counted as u64 + mailbox.dropped(), 4000);
+        mailbox.close();
+        thread.join().unwrap();
+    }
+
+    #[test]
+    fn what_may_wait_is_read_a_moment_later_and_at_once_with_what_may_not() {
+        let (mailbox, heard, _, _, thread) = started(RestartPolicy::StopNode, 0);
+        let began = std::time::Instant::now();
+        mailbox.tell(Told(WAITS));
+        assert_eq!(heard.recv_timeout(SOON), Ok(WAITS));
+        assert!(began.elapsed() >= LIES_UNREAD, "{:?}", began.elapsed());
+        // In their order, all of them, also while it looks up by itself, and after it has looked in vain.
+        for pause_ms in [0, 10, 120] {
+            std::thread::sleep(Duration::from_millis(pause_ms));
+            [WAITS + 1, WAITS + 2, 5, WAITS + 3]
+                .into_iter()
+                .for_each(|number| mailbox.tell(Told(number)));
+            let all: Vec<u32> = (0..4).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
+            assert_eq!(all, [WAITS + 1, WAITS + 2, 5, WAITS + 3]);
+        }
         mailbox.close();
         thread.join().unwrap();
     }
