@@ -5,7 +5,8 @@
 //! with the next input that may not, or after 50 ms: while such inputs come the thread looks up by itself, and who tells it
 //! one need not wake it. At a *shared* mailbox whoever tells the
 //! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
-//! a tile. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
+//! a tile. It does so a few times at most: what others go on telling is left to the actor's thread, or a flood on one link
+//! would keep the thread that has another link to read. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
 //! nothing here knows who hears whom.
 //!
 //! ```text
@@ -33,6 +34,8 @@ use crate::time::Time;
 const INBOX: usize = 256;
 /// What may wait is read after this long, or sooner together with what may not.
 const LIES_UNREAD: Duration = Duration::from_millis(50);
+/// So often whoever tells a shared mailbox something lets the actor act, for what came meanwhile.
+const HELPS: usize = 4;
 /// A thread that has nothing to do looks up this often all the same.
 const IDLE: Duration = Duration::from_secs(5);
 
@@ -92,7 +95,9 @@ struct MailboxState<I> {
     inbox: Inbox<I>,
     /// Whether something is unread that may not wait.
     is_pressing: bool,
-    /// Whether the thread looks up by itself soon enough for what may wait.
+    /// Whether something is unread that may.
+    is_waiting: bool,
+    /// Whether the thread looks up by itself soon enough for what may wait; said by the thread alone.
     is_watchful: bool,
     is_closed: bool,
     /// Why the actor cannot go on.
@@ -124,6 +129,7 @@ impl<I: Input> Mailbox<I> {
         let state = Mutex::new(MailboxState {
             inbox: Inbox::new(INBOX),
             is_pressing: false,
+            is_waiting: false,
             is_watchful: false,
             is_closed: false,
             fault: None,
@@ -148,6 +154,7 @@ impl<I: Input> Mailbox<I> {
         let mut state = lock(&self.unread.state);
         state.inbox.push(input);
         state.is_pressing |= !may_wait;
+        state.is_waiting |= may_wait;
         let is_seen = may_wait && state.is_watchful;
         drop(state);
         if may_wait {
@@ -200,19 +207,16 @@ impl<I: Input> Mailbox<I> {
         loop {
             let until = Time::from_nanos(self.unread.deadline.load(Ordering::Relaxed));
             let now = clock.now();
-            let is_due = state.is_pressing || state.fault.is_some() || until <= now;
-            if state.is_closed || is_due {
-                return !state.is_closed;
-            }
-            if !state.inbox.is_empty() {
+            if state.is_waiting {
                 looks_at.get_or_insert(now + LIES_UNREAD);
             }
-            if looks_at.is_some_and(|at| at <= now) {
-                if !state.inbox.is_empty() {
-                    return true;
-                }
-                looks_at = None;
+            let has_looked = looks_at.is_some_and(|at| at <= now);
+            let is_due = state.is_pressing || state.fault.is_some() || until <= now;
+            if state.is_closed || is_due || (has_looked && state.is_waiting) {
+                state.is_watchful = state.is_waiting;
+                return !state.is_closed;
             }
+            looks_at.take_if(|_| has_looked);
             state.is_watchful = looks_at.is_some();
             let wait = until
                 .min(looks_at.unwrap_or(Time::NEVER))
@@ -245,14 +249,12 @@ impl<I: Input> Mailbox<I> {
 
     fn take(&self) -> Vec<I> {
         let mut state = lock(&self.unread.state);
-        state.is_pressing = false;
-        let taken: Vec<I> = std::iter::from_fn(|| state.inbox.pop()).collect();
-        state.is_watchful = taken.iter().any(I::may_wait);
-        taken
+        (state.is_pressing, state.is_waiting) = (false, false);
+        std::iter::from_fn(|| state.inbox.pop()).collect()
     }
 
-    fn is_empty(&self) -> bool {
-        lock(&self.unread.state).inbox.is_empty()
+    fn is_pressing(&self) -> bool {
+        lock(&self.unread.state).is_pressing
     }
 
     /// Sets when the actor is to be woken; its thread hears of it when that is sooner than it knew.
@@ -363,9 +365,9 @@ where
     S: FnMut(A::Out),
 {
     /// Lets the actor act on the caller's thread, unless somebody else does so just now: who does looks again
-    /// afterwards.
+    /// afterwards, and in the end leaves the rest to the actor's own thread.
     fn help(&self) {
-        loop {
+        for _ in 0..HELPS {
             let Ok(mut work) = self.at_work.try_lock() else {
                 return;
             };
@@ -374,10 +376,11 @@ where
             }
             self.act(&mut work);
             drop(work);
-            if self.mailbox.is_empty() {
+            if !self.mailbox.is_pressing() {
                 return;
             }
         }
+        self.mailbox.unread.come.notify_one();
     }
 
     /// Lets the actor act on all that is unread and due.
@@ -499,6 +502,7 @@ mod tests {
     use crate::actor::InputClass;
     use crate::time::Deadline;
     use serde::{Deserialize, Serialize};
+    use std::sync::atomic::AtomicBool;
     use std::sync::mpsc::{Receiver, channel};
 
     /// Repeats what it is told; 13 makes it panic, 7 is a fault.
@@ -662,6 +666,54 @@ mod tests {
         let counted =
             std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
         assert_eq!(counted as u64 + mailbox.dropped(), 4000);
+        mailbox.close();
+        thread.join().unwrap();
+    }
+
+    #[test]
+    fn who_tells_something_is_not_kept_by_what_others_go_on_telling() {
+        let (endings, _ended) = channel();
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
+        let mailbox = Mailbox::shared("echo");
+        let (others, is_over) = (mailbox.clone(), Arc::new(AtomicBool::new(false)));
+        let ended = is_over.clone();
+        let (begun, begins) = channel();
+        // Whatever is handled, others have told something new meanwhile.
+        let output = move |out| match out {
+            1000 => begun.send(()).unwrap(),
+            _ if ended.load(Ordering::Relaxed) => {}
+            _ => others.tell(Told(1)),
+        };
+        let make = || Echo {
+            wakes: 1,
+            next: Time::ZERO,
+        };
+        let thread = start_actor(
+            &context,
+            &mailbox,
+            RestartPolicy::StopNode,
+            None,
+            make,
+            output,
+        )
+        .unwrap();
+        begins.recv_timeout(SOON).unwrap();
+        while mailbox.busy_for(context.clock.now()) > Duration::ZERO {}
+        std::thread::sleep(Duration::from_millis(20));
+        let (told, is_told) = channel();
+        let teller = mailbox.clone();
+        let telling = std::thread::spawn(move || {
+            teller.tell(Told(2));
+            told.send(()).unwrap();
+        });
+        let came_back = is_told.recv_timeout(SOON);
+        is_over.store(true, Ordering::Relaxed);
+        assert_eq!(came_back, Ok(()), "it has to let the actor act for ever");
+        telling.join().unwrap();
         mailbox.close();
         thread.join().unwrap();
     }

@@ -660,10 +660,12 @@ impl Swarm {
             .args(words)
             .current_dir(self.folder.path());
         let run = run.output().unwrap();
+        // What each vehicle shows stands on stdout, what is wrong on stderr.
+        let printed = [&run.stdout, &run.stderr].map(|printed| String::from_utf8_lossy(printed));
         assert!(
             run.status.success(),
             "order {words:?}: {}",
-            String::from_utf8_lossy(&run.stderr)
+            printed.concat()
         );
     }
 
