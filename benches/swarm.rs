@@ -4,7 +4,8 @@
 //! - emergency: an emergency order → heard by each of four vehicles, through a relay of 5 Mbit/s and 20 ms, while every
 //!   vehicle has more tiles to send than fit;
 //! - partition: the last link is restored after 60 s apart → both maps hold everything, through the relay;
-//! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory and processor of an idle vehicle;
+//! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory, processor and wake-ups of an idle vehicle;
+//!   with `TOMOSWARM_OTHER=PROGRAM` every second vehicle runs another program, and both are told: a pair in one mesh;
 //! - star: fifty vehicle processes around one ground station: heard, memory, processor.
 
 #![allow(
@@ -45,6 +46,8 @@ use tomoswarm_proto::{
 };
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
+/// As deploy/tomoswarm-vehicle.service sets it.
+const BUS_THREADS: &str = "(rx: (worker_threads: 1), net: (handover: tx), acc: (handover: tx))";
 /// The shaped link: 5 Mbit/s, 20 ms each way.
 const RATE_BYTES_PER_S: f64 = 5e6 / 8.0;
 const DELAY: Duration = Duration::from_millis(20);
@@ -385,13 +388,27 @@ fn within(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
     false
 }
 
+/// The program of every second vehicle, where one is named.
+fn other() -> Option<String> {
+    std::env::var("TOMOSWARM_OTHER").ok()
+}
+
+fn is_other(name: &str) -> bool {
+    let number = name.strip_prefix('v').and_then(|id| id.parse::<u8>().ok());
+    other().is_some() && number.is_some_and(|id| id % 2 == 0)
+}
+
 /// Processes that end with this value.
 struct Processes(BTreeMap<String, Child>);
 
 impl Processes {
     fn start(&mut self, folder: &Path, name: &str, words: &[&str]) -> Instant {
         let log = std::fs::File::create(folder.join(format!("{name}.log"))).unwrap();
-        let mut program = Command::new(PROGRAM);
+        let mut program = Command::new(match is_other(name) {
+            true => other().unwrap_or_default(),
+            false => PROGRAM.to_owned(),
+        });
+        program.env("ZENOH_RUNTIME", BUS_THREADS);
         let began = Instant::now();
         let program = program.args(words).current_dir(folder).stdin(Stdio::null());
         let child = program.stdout(Stdio::null()).stderr(log).spawn().unwrap();
@@ -596,7 +613,28 @@ fn first_heard(heard: &LastHeard, id: u8, boot: Boot, began: Instant) -> Option<
     within(Duration::from_secs(20), is_heard).then(|| began.elapsed())
 }
 
-/// Prints memory and processor of the vehicles over some seconds at rest.
+/// How often each thread of a process has gone to sleep, by its name.
+type Wakes = BTreeMap<String, u64>;
+
+fn wakes(process: u32) -> Wakes {
+    let mut all = Wakes::new();
+    for task in std::fs::read_dir(format!("/proc/{process}/task"))
+        .into_iter()
+        .flatten()
+        .flatten()
+    {
+        let text = |name: &str| std::fs::read_to_string(task.path().join(name)).unwrap_or_default();
+        let status = text("status");
+        let slept = status
+            .lines()
+            .find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"))
+            .and_then(|count| count.trim().parse::<u64>().ok());
+        *all.entry(text("comm").trim().to_owned()).or_default() += slept.unwrap_or(0);
+    }
+    all
+}
+
+/// Prints memory, processor and wake-ups of the vehicles over some seconds at rest.
 fn use_of(processes: &Processes, seconds: u64) {
     let ticks = |child: &Child| {
         let text =
@@ -628,28 +666,67 @@ fn use_of(processes: &Processes, seconds: u64) {
             .and_then(|word| word.parse::<f64>().ok())
             .unwrap_or(0.0)
     };
+    let woken = |child: &Child| wakes(child.id());
+    let wakes_before: BTreeMap<&String, Wakes> = processes
+        .0
+        .iter()
+        .map(|(name, child)| (name, woken(child)))
+        .collect();
     let before: BTreeMap<&String, u64> = processes
         .0
         .iter()
         .map(|(name, child)| (name, ticks(child)))
         .collect();
     std::thread::sleep(Duration::from_secs(seconds));
-    let is_vehicle = |name: &&String| name.starts_with('v');
     let share = |name: &String| (ticks(&processes.0[name]) - before[name]) as f64 / seconds as f64;
-    let mut shares: Vec<f64> = processes.0.keys().filter(is_vehicle).map(share).collect();
-    let mut memory: Vec<f64> = processes
-        .0
-        .iter()
-        .filter(|(name, _)| is_vehicle(name))
-        .map(|(_, child)| memory_kb(child) / 1e3)
-        .collect();
-    shares.sort_by(f64::total_cmp);
-    memory.sort_by(f64::total_cmp);
-    let (middle, last) = (shares.len() / 2, shares.len() - 1);
-    println!(
-        "vehicle process at rest: median {:.2} %, most {:.2} % of one core (wanted <= 1 %); resident median {:.1} MB, most {:.1} MB (wanted < 40 MB)",
-        shares[middle], shares[last], memory[middle], memory[last]
-    );
+    for of_other in [false, true] {
+        let names: Vec<&String> = processes
+            .0
+            .keys()
+            .filter(|name| name.starts_with('v') && is_other(name) == of_other)
+            .collect();
+        if names.is_empty() {
+            continue;
+        }
+        let sorted = |mut all: Vec<f64>| {
+            all.sort_by(f64::total_cmp);
+            (all[all.len() / 2], all[all.len() - 1])
+        };
+        let (share, most) = sorted(names.iter().map(|name| share(name)).collect());
+        let memory = names
+            .iter()
+            .map(|name| memory_kb(&processes.0[*name]) / 1e3);
+        let (resident_mb, most_mb) = sorted(memory.collect());
+        let mut by_thread = Wakes::new();
+        for name in &names {
+            let now = woken(&processes.0[*name]);
+            for (thread, count) in now {
+                let former = wakes_before[name].get(&thread).copied().unwrap_or(0);
+                let sum = by_thread.entry(thread).or_default();
+                *sum += count.saturating_sub(former);
+            }
+        }
+        let each = |count: u64| count as f64 / names.len() as f64 / seconds as f64;
+        println!(
+            "{} at rest: median {share:.2} %, most {most:.2} % of one core (wanted <= 1 %); resident median {resident_mb:.1} MB, most {most_mb:.1} MB (wanted <= 25 MB); {:.0} wake-ups a second:",
+            if of_other {
+                "the other program"
+            } else {
+                "vehicle process"
+            },
+            each(by_thread.values().sum())
+        );
+        let rows = by_thread
+            .iter()
+            .map(|(thread, count)| (thread, each(*count)))
+            .filter(|(_, rate)| *rate >= 0.3);
+        println!(
+            "  {}",
+            rows.map(|(thread, rate)| format!("{thread} {rate:.1}"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        );
+    }
     for name in ["ground", "world"] {
         let name = name.to_owned();
         println!(

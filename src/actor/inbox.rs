@@ -20,6 +20,12 @@ pub trait Input: Sized {
     /// Returns the class.
     fn class(&self) -> InputClass<Self::Key>;
 
+    /// Returns whether it may lie unread for a moment (live: 50 ms), so that several are read together and the actor's
+    /// thread is not woken for each. What an actor takes the time of, or acts upon at once, must not wait.
+    fn may_wait(&self) -> bool {
+        false
+    }
+
     /// Joins two unread inputs of one key; the newer one, unless the input knows better.
     fn join(_unread: Self, newer: Self) -> Self {
         newer

@@ -16,6 +16,7 @@ use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
 use crate::operator::names;
 use crate::run::ground_process::{self, GroundError, GroundFiles, GroundStatus};
+use crate::run::process::StopRequest;
 use crate::store::StoreError;
 
 /// Run the ground station: it gathers the data, plans the sweeps, and makes the images.
@@ -95,9 +96,11 @@ impl GroundArgs {
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
-        let stop = StopFlag::listen();
+        let request = StopRequest::default();
+        let (asked, ended) = (request.clone(), request.clone());
+        let stop = StopFlag::listen_with(move || asked.ask());
         if self.tied {
-            stop.end_with_input(|| {});
+            stop.end_with_input(move || ended.ask());
         }
         let is_terminal = std::io::stderr().is_terminal();
         let mut status = |status: &GroundStatus| {
@@ -113,7 +116,7 @@ impl GroundArgs {
         };
         #[cfg(feature = "dash")]
         let page = self.start_page(out)?;
-        let finish = ground_process::run(files, mavlink.as_ref(), &|| stop.is_asked(), &mut status);
+        let finish = ground_process::run(files, mavlink.as_ref(), &request, &mut status);
         #[cfg(feature = "dash")]
         if let Some(page) = page {
             match &finish {

@@ -11,7 +11,7 @@ use crate::config::{self, Config, VehicleFile};
 use crate::operator::names;
 use crate::run::bus::BusError;
 use crate::run::mailbox::Ending;
-use crate::run::process::Finish;
+use crate::run::process::{Finish, StopRequest};
 use crate::run::state_dir::StateDirError;
 use crate::run::trust::TrustError;
 use crate::run::vehicle_process::{self, NodeStatus, VehicleError};
@@ -64,9 +64,11 @@ impl VehicleArgs {
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
-        let stop = StopFlag::listen();
+        let request = StopRequest::default();
+        let (asked, ended) = (request.clone(), request.clone());
+        let stop = StopFlag::listen_with(move || asked.ask());
         if self.tied {
-            stop.end_with_input(|| {});
+            stop.end_with_input(move || ended.ask());
         }
         let is_terminal = std::io::stderr().is_terminal();
         let mut status = |status: &NodeStatus| {
@@ -74,7 +76,7 @@ impl VehicleArgs {
                 line(status);
             }
         };
-        let finish = vehicle_process::run(&file, &text, &|| stop.is_asked(), &mut status);
+        let finish = vehicle_process::run(&file, &text, &request, &mut status);
         answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
     }
 }
@@ -82,7 +84,7 @@ impl VehicleArgs {
 /// Turns the end of a process into an exit code.
 pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
     match finish {
-        Finish::Asked => Ok(()),
+        Finish::Asked | Finish::Ending(Ending::Asked) => Ok(()),
         Finish::Ending(Ending::Refused(reason)) => {
             Err(CliError::Usage(format!("refused: {reason}")))
         }

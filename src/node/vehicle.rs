@@ -540,6 +540,24 @@ impl Input for In {
         }
     }
 
+    /// What peers repeat all the time is read a few at a time.
+    fn may_wait(&self) -> bool {
+        match self {
+            In::Peer(_) | In::Sighted(_) => true,
+            In::Telemetry(_)
+            | In::Autopilot(_)
+            | In::Scan(_)
+            | In::Command(..)
+            | In::Holds(_)
+            | In::Order(..)
+            | In::Stops(_)
+            | In::StopsReported(_)
+            | In::Expected(_)
+            | In::Accepted(..)
+            | In::Remembered(_) => false,
+        }
+    }
+
     fn join(unread: In, newer: In) -> In {
         match (unread, newer) {
             (In::Order(first, unread), In::Order(second, newer)) => {

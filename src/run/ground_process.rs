@@ -24,7 +24,7 @@ use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
 use super::node_threads::LiveNode;
-use super::process::{Finish, Process};
+use super::process::{Finish, Process, StopRequest};
 use super::roster_watch::RosterWatch;
 use super::state_dir::{StateDir, StateDirError};
 use super::swarm_mavlink::SwarmMavlink;
@@ -109,7 +109,7 @@ pub struct GroundFiles<'a> {
 pub fn run(
     files: GroundFiles<'_>,
     mavlink: Option<&SwarmMavlink>,
-    is_stopped: &dyn Fn() -> bool,
+    stop: &StopRequest,
     status: &mut dyn FnMut(&GroundStatus),
 ) -> Result<Finish, GroundError> {
     let GroundFiles {
@@ -117,7 +117,7 @@ pub fn run(
         text,
         venue_text,
     } = files;
-    let mut process = Process::begin();
+    let mut process = Process::begin(stop);
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let note = Some(file.operators_note.as_str()).filter(|note| !note.is_empty());
     let new_id = membership::draw()?;
@@ -178,12 +178,7 @@ pub fn run(
             troubles: troubles.list(),
         });
     };
-    let finish = process.keep(
-        &mut member,
-        is_stopped,
-        &|now| node.busy_for(now),
-        &mut tick,
-    );
+    let finish = process.keep(&mut member, &|now| node.busy_for(now), &mut tick);
     node.close();
     member.close();
     threads.join();

@@ -1,9 +1,12 @@
 //! An actor's place in a live process: its inbox, which anyone may put inputs into without waiting, and the thread that
 //! lets it act.
 //!
-//! The thread sleeps until something is unread or the actor's deadline has come. At a *shared* mailbox whoever tells the
+//! The thread sleeps until something is unread or the actor's deadline has come; what may wait ([`Input::may_wait`]) is read
+//! with the next input that may not, or after 50 ms: while such inputs come the thread looks up by itself, and who tells it
+//! one need not wake it. At a *shared* mailbox whoever tells the
 //! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
-//! a tile. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
+//! a tile. It does so a few times at most: what others go on telling is left to the actor's thread, or a flood on one link
+//! would keep the thread that has another link to read. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
 //! nothing here knows who hears whom.
 //!
 //! ```text
@@ -29,6 +32,10 @@ use crate::time::Time;
 
 /// Inputs of the queue class that may wait.
 const INBOX: usize = 256;
+/// What may wait is read after this long, or sooner together with what may not.
+const LIES_UNREAD: Duration = Duration::from_millis(50);
+/// So often whoever tells a shared mailbox something lets the actor act, for what came meanwhile.
+const HELPS: usize = 4;
 /// A thread that has nothing to do looks up this often all the same.
 const IDLE: Duration = Duration::from_secs(5);
 
@@ -86,6 +93,12 @@ struct Unread<I> {
 
 struct MailboxState<I> {
     inbox: Inbox<I>,
+    /// Whether something is unread that may not wait.
+    is_pressing: bool,
+    /// Whether something is unread that may.
+    is_waiting: bool,
+    /// Whether the thread looks up by itself soon enough for what may wait; said by the thread alone.
+    is_watchful: bool,
     is_closed: bool,
     /// Why the actor cannot go on.
     fault: Option<Fault>,
@@ -115,6 +128,9 @@ impl<I: Input> Mailbox<I> {
     fn set_up(name: &'static str, is_shared: bool) -> Mailbox<I> {
         let state = Mutex::new(MailboxState {
             inbox: Inbox::new(INBOX),
+            is_pressing: false,
+            is_waiting: false,
+            is_watchful: false,
             is_closed: false,
             fault: None,
         });
@@ -134,7 +150,19 @@ impl<I: Input> Mailbox<I> {
 
     /// Puts an input into the inbox; never waits for the actor.
     pub fn tell(&self, input: I) {
-        lock(&self.unread.state).inbox.push(input);
+        let may_wait = input.may_wait();
+        let mut state = lock(&self.unread.state);
+        state.inbox.push(input);
+        state.is_pressing |= !may_wait;
+        state.is_waiting |= may_wait;
+        let is_seen = may_wait && state.is_watchful;
+        drop(state);
+        if may_wait {
+            if !is_seen {
+                self.unread.come.notify_one();
+            }
+            return;
+        }
         let help = self
             .unread
             .help
@@ -174,13 +202,26 @@ impl<I: Input> Mailbox<I> {
     /// Waits until something is unread, the actor's deadline has come, or it cannot go on; false = closed.
     fn wait(&self, clock: Clock) -> bool {
         let mut state = lock(&self.unread.state);
+        // After inputs that may wait further ones are expected.
+        let mut looks_at = state.is_watchful.then(|| clock.now() + LIES_UNREAD);
         loop {
             let until = Time::from_nanos(self.unread.deadline.load(Ordering::Relaxed));
             let now = clock.now();
-            if state.is_closed || state.fault.is_some() || !state.inbox.is_empty() || until <= now {
+            if state.is_waiting {
+                looks_at.get_or_insert(now + LIES_UNREAD);
+            }
+            let has_looked = looks_at.is_some_and(|at| at <= now);
+            let is_due = state.is_pressing || state.fault.is_some() || until <= now;
+            if state.is_closed || is_due || (has_looked && state.is_waiting) {
+                state.is_watchful = state.is_waiting;
                 return !state.is_closed;
             }
-            let wait = until.since(now).min(IDLE);
+            looks_at.take_if(|_| has_looked);
+            state.is_watchful = looks_at.is_some();
+            let wait = until
+                .min(looks_at.unwrap_or(Time::NEVER))
+                .since(now)
+                .min(IDLE);
             state = self
                 .unread
                 .come
@@ -208,11 +249,12 @@ impl<I: Input> Mailbox<I> {
 
     fn take(&self) -> Vec<I> {
         let mut state = lock(&self.unread.state);
+        (state.is_pressing, state.is_waiting) = (false, false);
         std::iter::from_fn(|| state.inbox.pop()).collect()
     }
 
-    fn is_empty(&self) -> bool {
-        lock(&self.unread.state).inbox.is_empty()
+    fn is_pressing(&self) -> bool {
+        lock(&self.unread.state).is_pressing
     }
 
     /// Sets when the actor is to be woken; its thread hears of it when that is sooner than it knew.
@@ -245,6 +287,8 @@ pub struct RuntimeContext {
 /// Why a process ends.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Ending {
+    /// It was asked to end.
+    Asked,
     /// An actor cannot go on.
     Fault(Fault),
     /// It may not take part in the bus.
@@ -321,9 +365,9 @@ where
     S: FnMut(A::Out),
 {
     /// Lets the actor act on the caller's thread, unless somebody else does so just now: who does looks again
-    /// afterwards.
+    /// afterwards, and in the end leaves the rest to the actor's own thread.
     fn help(&self) {
-        loop {
+        for _ in 0..HELPS {
             let Ok(mut work) = self.at_work.try_lock() else {
                 return;
             };
@@ -332,10 +376,11 @@ where
             }
             self.act(&mut work);
             drop(work);
-            if self.mailbox.is_empty() {
+            if !self.mailbox.is_pressing() {
                 return;
             }
         }
+        self.mailbox.unread.come.notify_one();
     }
 
     /// Lets the actor act on all that is unread and due.
@@ -457,6 +502,7 @@ mod tests {
     use crate::actor::InputClass;
     use crate::time::Deadline;
     use serde::{Deserialize, Serialize};
+    use std::sync::atomic::AtomicBool;
     use std::sync::mpsc::{Receiver, channel};
 
     /// Repeats what it is told; 13 makes it panic, 7 is a fault.
@@ -468,11 +514,16 @@ mod tests {
 
     #[derive(Clone, Serialize, Deserialize)]
     struct Told(u32);
+    /// The first number of those that may wait.
+    const WAITS: u32 = 20;
 
     impl Input for Told {
         type Key = ();
         fn class(&self) -> InputClass<()> {
             InputClass::Queue
+        }
+        fn may_wait(&self) -> bool {
+            (WAITS..WAITS + 10).contains(&self.0)
         }
     }
 
@@ -615,6 +666,74 @@ mod tests {
         let counted =
             std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
         assert_eq!(counted as u64 + mailbox.dropped(), 4000);
+        mailbox.close();
+        thread.join().unwrap();
+    }
+
+    #[test]
+    fn who_tells_something_is_not_kept_by_what_others_go_on_telling() {
+        let (endings, _ended) = channel();
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
+        let mailbox = Mailbox::shared("echo");
+        let (others, is_over) = (mailbox.clone(), Arc::new(AtomicBool::new(false)));
+        let ended = is_over.clone();
+        let (begun, begins) = channel();
+        // Whatever is handled, others have told something new meanwhile.
+        let output = move |out| match out {
+            1000 => begun.send(()).unwrap(),
+            _ if ended.load(Ordering::Relaxed) => {}
+            _ => others.tell(Told(1)),
+        };
+        let make = || Echo {
+            wakes: 1,
+            next: Time::ZERO,
+        };
+        let thread = start_actor(
+            &context,
+            &mailbox,
+            RestartPolicy::StopNode,
+            None,
+            make,
+            output,
+        )
+        .unwrap();
+        begins.recv_timeout(SOON).unwrap();
+        while mailbox.busy_for(context.clock.now()) > Duration::ZERO {}
+        std::thread::sleep(Duration::from_millis(20));
+        let (told, is_told) = channel();
+        let teller = mailbox.clone();
+        let telling = std::thread::spawn(move || {
+            teller.tell(Told(2));
+            told.send(()).unwrap();
+        });
+        let came_back = is_told.recv_timeout(SOON);
+        is_over.store(true, Ordering::Relaxed);
+        assert_eq!(came_back, Ok(()), "it has to let the actor act for ever");
+        telling.join().unwrap();
+        mailbox.close();
+        thread.join().unwrap();
+    }
+
+    #[test]
+    fn what_may_wait_is_read_a_moment_later_and_at_once_with_what_may_not() {
+        let (mailbox, heard, _, _, thread) = started(RestartPolicy::StopNode, 0);
+        let began = std::time::Instant::now();
+        mailbox.tell(Told(WAITS));
+        assert_eq!(heard.recv_timeout(SOON), Ok(WAITS));
+        assert!(began.elapsed() >= LIES_UNREAD, "{:?}", began.elapsed());
+        // In their order, all of them, also while it looks up by itself, and after it has looked in vain.
+        for pause_ms in [0, 10, 120] {
+            std::thread::sleep(Duration::from_millis(pause_ms));
+            [WAITS + 1, WAITS + 2, 5, WAITS + 3]
+                .into_iter()
+                .for_each(|number| mailbox.tell(Told(number)));
+            let all: Vec<u32> = (0..4).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
+            assert_eq!(all, [WAITS + 1, WAITS + 2, 5, WAITS + 3]);
+        }
         mailbox.close();
         thread.join().unwrap();
     }

@@ -6,7 +6,8 @@
 //!               │ refused: exit 2   │ fault: the same order, exit 1
 //! ```
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender as EndingSender, channel};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use sd_notify::NotifyState;
@@ -14,7 +15,7 @@ use tomoswarm_proto::Message;
 
 use super::bus::{BusError, BusSettings};
 use super::clock::Clock;
-use super::mailbox::{Ending, RuntimeContext, Troubles};
+use super::mailbox::{Ending, RuntimeContext, Troubles, lock};
 use super::member::BusMember;
 use crate::time::Time;
 use tomoswarm_proto::{Hello, Sender};
@@ -22,9 +23,9 @@ use tomoswarm_proto::{Hello, Sender};
 /// The watchdog is fed as long as no vital actor has been acting for this long without a pause; whether it says anything of
 /// use is not looked at.
 const STUCK_AFTER: Duration = Duration::from_secs(20);
-/// The watchdog is fed this often, and the process looks whether it is to end.
+/// While it asks whether it may take part, the process looks this often whether it does.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);
-/// What is said in intervals: health, report, status.
+/// What is said in intervals: health, report, status. The watchdog is fed at least as often.
 const TICK: Duration = Duration::from_secs(1);
 
 /// How a process ended.
@@ -36,17 +37,47 @@ pub enum Finish {
     Ending(Ending),
 }
 
+/// Asks a process to end, from any thread, and wakes it for it; a handle.
+#[derive(Clone, Debug, Default)]
+pub struct StopRequest(Arc<Mutex<Asked>>);
+
+#[derive(Debug, Default)]
+struct Asked {
+    is_asked: bool,
+    /// Of the process that waits to be asked.
+    endings: Option<EndingSender<Ending>>,
+}
+
+impl StopRequest {
+    /// Asks; once is enough.
+    pub fn ask(&self) {
+        let mut asked = lock(&self.0);
+        asked.is_asked = true;
+        if let Some(endings) = &asked.endings {
+            // Nobody listens any more only when the process is ending already.
+            let _ = endings.send(Ending::Asked);
+        }
+    }
+
+    /// Returns whether it was asked to.
+    pub fn is_asked(&self) -> bool {
+        lock(&self.0).is_asked
+    }
+}
+
 /// The common part of a process.
 pub struct Process {
     context: RuntimeContext,
     endings: Receiver<Ending>,
+    stop: StopRequest,
     ticked: Time,
 }
 
 impl Process {
-    /// Begins; the clock starts now.
-    pub fn begin() -> Process {
+    /// Begins, to end when it is asked; the clock starts now.
+    pub fn begin(stop: &StopRequest) -> Process {
         let (endings, ended) = channel();
+        lock(&stop.0).endings = Some(endings.clone());
         let context = RuntimeContext {
             clock: Clock::start(),
             troubles: Troubles::default(),
@@ -55,6 +86,7 @@ impl Process {
         Process {
             context,
             endings: ended,
+            stop: stop.clone(),
             ticked: Time::ZERO,
         }
     }
@@ -78,10 +110,10 @@ impl Process {
     }
 
     /// Asks whether it may take part, until it does; returns how it ended if it may not, or was asked to stop meanwhile.
-    pub fn ask(&mut self, member: &mut BusMember, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
+    pub fn ask(&mut self, member: &mut BusMember) -> Option<Finish> {
         loop {
             let next = member.greet(self.context.clock.now());
-            if is_stopped() {
+            if self.stop.is_asked() {
                 return Some(Finish::Asked);
             }
             if member.is_member() {
@@ -89,7 +121,7 @@ impl Process {
             }
             let wait = next.since(self.context.clock.now()).min(LOOKS_EVERY);
             if let Ok(ending) = self.endings.recv_timeout(wait) {
-                return Some(Finish::Ending(ending));
+                return Some(finish_of(ending));
             }
         }
     }
@@ -99,7 +131,6 @@ impl Process {
     pub fn keep(
         &mut self,
         member: &mut BusMember,
-        is_stopped: &dyn Fn() -> bool,
         busy_for: &dyn Fn(Time) -> Duration,
         tick: &mut dyn FnMut(Time, &BusMember, &Troubles),
     ) -> Finish {
@@ -118,16 +149,29 @@ impl Process {
                 self.ticked = now;
                 tick(now, member, &self.context.troubles);
             }
-            if is_stopped() {
+            if self.stop.is_asked() {
                 notify(&[NotifyState::Stopping]);
                 return Finish::Asked;
             }
-            let wait = next.since(self.context.clock.now()).min(LOOKS_EVERY);
+            let due = match is_ready {
+                true => self.ticked + TICK,
+                false => now + LOOKS_EVERY,
+            };
+            let wait = next.min(due).since(self.context.clock.now());
             match self.endings.recv_timeout(wait) {
-                Ok(ending) => return Finish::Ending(ending),
+                // The request is seen in the next round.
+                Ok(Ending::Asked) => {}
+                Ok(ending) => return finish_of(ending),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
         }
+    }
+}
+
+fn finish_of(ending: Ending) -> Finish {
+    match ending {
+        Ending::Asked => Finish::Asked,
+        Ending::Fault(_) | Ending::Refused(_) | Ending::Outdated(_) => Finish::Ending(ending),
     }
 }
 

@@ -23,7 +23,7 @@ use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
 use super::node_threads::{LiveNode, Threads};
-use super::process::{Finish, Process};
+use super::process::{Finish, Process, StopRequest};
 use super::roster_watch::RosterWatch;
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
@@ -182,10 +182,10 @@ impl Edge {
 pub fn run(
     file: &VehicleFile,
     text: &str,
-    is_stopped: &dyn Fn() -> bool,
+    stop: &StopRequest,
     status: &mut dyn FnMut(&NodeStatus),
 ) -> Result<Finish, VehicleError> {
-    let mut process = Process::begin();
+    let mut process = Process::begin(stop);
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let memory_file = MemoryFile::at(state_dir.join("memory"));
     let remembered = memory_file.read()?;
@@ -215,7 +215,7 @@ pub fn run(
         told.tell(Event::Bus(sender, message))
     })?;
     // Nothing is driven by a node that may not take part.
-    if let Some(finish) = process.ask(&mut member, is_stopped) {
+    if let Some(finish) = process.ask(&mut member) {
         member.close();
         return Ok(finish);
     }
@@ -280,12 +280,7 @@ pub fn run(
             troubles: troubles.list(),
         });
     };
-    let finish = process.keep(
-        &mut member,
-        is_stopped,
-        &|now| node.busy_for(now),
-        &mut tick,
-    );
+    let finish = process.keep(&mut member, &|now| node.busy_for(now), &mut tick);
     edge.come_to_rest(&threads);
     node.close();
     threads.join();

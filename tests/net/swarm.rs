@@ -665,10 +665,12 @@ impl Swarm {
 
     pub fn order(&self, words: &[&str]) {
         let run = self.try_order(words);
+        // What each vehicle shows stands on stdout, what is wrong on stderr.
+        let printed = [&run.stdout, &run.stderr].map(|printed| String::from_utf8_lossy(printed));
         assert!(
             run.status.success(),
             "order {words:?}: {}",
-            String::from_utf8_lossy(&run.stderr)
+            printed.concat()
         );
     }
 

@@ -357,6 +357,23 @@ impl Input for In {
         }
     }
 
+    /// What peers repeat all the time is read a few at a time.
+    fn may_wait(&self) -> bool {
+        match self {
+            In::Peer(_) | In::PeerMission(_) | In::Sighted(_) | In::Heard(_) => true,
+            In::State(_)
+            | In::Plan(_)
+            | In::Task(_)
+            | In::Tile(_)
+            | In::Progress(_)
+            | In::Expected(_)
+            | In::Order(_)
+            | In::Remembered(_)
+            | In::SafetyEvent(_)
+            | In::Stops(_) => false,
+        }
+    }
+
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
         let step = |progress: &VehicleProgress| {

@@ -9,10 +9,10 @@
 //! beside its reserve, the node goes on without a recording, and the thread tries again after 10 s.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::{JoinHandle, Thread};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -28,8 +28,8 @@ const QUEUE: usize = 4096;
 const BATCH: usize = 256;
 /// All is written out this often.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
-/// The thread looks this often whether there is something to write.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// The thread is woken before that when so many wait.
+const WAKES_AT: usize = 1024;
 /// After this long it is tried again to write.
 const RETRY_AFTER: Duration = Duration::from_secs(10);
 /// No segment is open: nothing is recorded.
@@ -46,9 +46,17 @@ struct Shared {
     trouble: Mutex<Option<String>>,
     /// What all segments take, bytes.
     used_bytes: AtomicU64,
+    /// Steps and snapshots that wait to be written.
+    waiting: AtomicUsize,
+    /// The writing thread.
+    writer: OnceLock<Thread>,
 }
 
 impl Shared {
+    fn wake_writer(&self) {
+        self.writer.get().into_iter().for_each(Thread::unpark);
+    }
+
     fn set_use(&self, flight: &OpenRecording) {
         self.used_bytes
             .store(flight.used_bytes(), Ordering::Relaxed);
@@ -112,7 +120,11 @@ impl Recorder {
             .name("recorder".to_owned())
             .spawn(move || writing.run(&receiver, retry_at));
         let thread = match spawned {
-            Ok(thread) => Some(thread),
+            Ok(thread) => {
+                // Nobody else sets it.
+                let _ = shared.writer.set(thread.thread().clone());
+                Some(thread)
+            }
             Err(error) => {
                 shared.segment.store(NONE, Ordering::Release);
                 shared.set_trouble(Some(error.to_string()));
@@ -158,6 +170,7 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         self.shared.is_ended.store(true, Ordering::Release);
+        self.shared.wake_writer();
         // A thread that has panicked has nothing left to write.
         let _ = self.thread.take().map(JoinHandle::join);
     }
@@ -206,9 +219,15 @@ impl StepRecorder {
     }
 
     fn send(&mut self, sent: Sent) {
+        // Counted first, so that it is never taken before it is counted.
+        let waiting = self.shared.waiting.fetch_add(1, Ordering::AcqRel) + 1;
         if self.sender.try_send(sent).is_err() {
+            self.shared.waiting.fetch_sub(1, Ordering::AcqRel);
             self.broken = self.segment;
             self.shared.is_overrun.store(true, Ordering::Release);
+            self.shared.wake_writer();
+        } else if waiting == WAKES_AT {
+            self.shared.wake_writer();
         }
     }
 }
@@ -230,6 +249,9 @@ impl Writing {
         loop {
             let is_ended = self.shared.is_ended.load(Ordering::Acquire);
             let waiting: Vec<Sent> = receiver.try_iter().take(BATCH).collect();
+            self.shared
+                .waiting
+                .fetch_sub(waiting.len(), Ordering::AcqRel);
             if is_ended && waiting.is_empty() {
                 break;
             }
@@ -253,7 +275,7 @@ impl Writing {
             }
             // It is not woken for every step: a node at rest would do little else.
             if waiting.len() < BATCH && !is_ended {
-                std::thread::sleep(LOOK_EVERY);
+                std::thread::park_timeout(flush_at.saturating_duration_since(Instant::now()));
             }
         }
         if let Some(Err(error)) = self.flight.take().map(OpenRecording::end) {
