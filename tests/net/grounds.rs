@@ -63,7 +63,7 @@ fn a_place_that_is_marked_is_on_disk_when_that_is_said_and_finds_are_judged_by_i
     let mut swarm = two();
     swarm.begin();
     swarm.until_samples(20);
-    swarm.order(&["mark", "3,3.5", "1.25,5"]);
+    swarm.order(&["mark", "3,3.5", "1.25,5", "--timeout", "20"]);
     swarm.kill("ground");
     let unheard = swarm.try_order(&["mark", "2,2", "--run", "1", "--timeout", "2"]);
     assert!(!unheard.status.success(), "nobody has stored it");
@@ -75,7 +75,7 @@ fn a_place_that_is_marked_is_on_disk_when_that_is_said_and_finds_are_judged_by_i
     swarm.restart(GROUND);
     swarm.order(&["mark", "1.25,5", "--take-back", "--timeout", "30"]);
     swarm.until_end();
-    swarm.order(&["mark", "--run", "1", "--", "-0.5,0.25"]);
+    swarm.order(&["mark", "--run", "1", "--timeout", "20", "--", "-0.5,0.25"]);
     swarm.end_in_order();
     let said = swarm.tool(&["export", "state-g/ground.sqlite", "--out", "out"]);
     assert!(
