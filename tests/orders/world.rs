@@ -627,8 +627,12 @@ impl World {
                         self.judge(index, id, &outcome);
                         self.hands[index].wants.remove(&id);
                     }
-                    // Nobody gives an emergency stop in this world.
-                    Out::Announce(_) | Out::ScriptEnded(_) | Out::Give(_) | Out::StopEvent(_) => {}
+                    // Nobody gives an emergency stop in this world, or marks a place.
+                    Out::Announce(_)
+                    | Out::ScriptEnded(_)
+                    | Out::Give(_)
+                    | Out::StopEvent(_)
+                    | Out::Marked(..) => {}
                 }
             }
         }
