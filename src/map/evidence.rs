@@ -10,13 +10,15 @@
 //!   thin post is heard. Then the
 //!   echoes that it explained, which are kept, are assigned anew, so what turns out to be empty hands its echoes to what is not.
 //!   Ground seen empty from farther becomes unknown again at an echo that nothing certain explains.
+//! - An echo of which the *whole* arc has been seen empty since, from well nearer than it came, is refuted and forgotten: a
+//!   glitch, something that has gone, or a place or heading that was not what it was taken for.
 //! - An assigned cell is *confirmed* when nothing else can have given one of its echoes: few cells were left, it is very
 //!   near, or echoes from bearings well apart meet in it. Otherwise it is *doubtful*. Both are occupied.
 //! - Echoes from near a peer are not mapped. Where the vehicle's own disc is, nothing else is.
 //! - Who does not know the place by half a cell sees nothing *from near*: the empty cell may be the one beside.
 //!
 //! Every kept echo holds an occupied cell, so an obstacle is not lost by explaining; at worst it is drawn beside where it
-//! stands. The layer has one writer and tiles carry absolute values, so what others hold is simply replaced.
+//! stands. (What answers from afar answers from nearer too, within `sure_range_m`: so nothing that stands is refuted.) The layer has one writer and tiles carry absolute values, so what others hold is simply replaced.
 //! (Hard assignment instead of the shared weights of Moravec and Elfes 1985; the arcs' ambiguity as in Thrun 2003,
 //! *Learning occupancy grid maps with forward sensor models*.)
 //!
@@ -26,6 +28,7 @@ mod cell_memory;
 mod cone;
 mod echoes;
 mod own_memory;
+mod reading;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LayerId, TileAddress};
@@ -33,9 +36,10 @@ use tomoswarm_proto::{LayerId, TileAddress};
 use self::cone::Cone;
 use self::echoes::{Echo, cell_of_part, index_of_part};
 use self::own_memory::{CellKey, OwnMemory};
+pub use self::reading::{Changes, OwnDisc, PeerBody, ScanReading};
 use super::tile::{address_of, index_in_tile};
 use super::{CellRect, ClearedParts, Merged, PART_SIDE};
-use crate::geom::{Angle, Cell, Lattice, Point, Segment};
+use crate::geom::{Cell, Lattice};
 
 /// Echoes kept per tile; the oldest is dropped for a new one, and what it was assigned to stays as it is.
 const ECHOES_KEPT: usize = 128;
@@ -55,65 +59,8 @@ const FEW_CELLS: usize = 2;
 /// A cell seen empty from so much farther than an echo came from, or from nearer, cannot have given it, centimetres.
 const NEAR_WINS_CM: u16 = 30;
 
-/// One range reading with the cone it was taken in.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct ScanReading {
-    /// Where the sensor was.
-    pub origin: Point,
-    /// Axis of the cone.
-    pub direction: Angle,
-    /// Half of the cone's opening, radians, 0 to π/2; 0 = a ray.
-    pub half_width_rad: f64,
-    /// Distance of the echo, metres; `None` = no echo.
-    pub range_m: Option<f64>,
-    /// An echo from farther away counts as none, metres.
-    pub max_range_m: f64,
-    /// Up to here everything gives an echo, at whatever angle it stands, metres. For walls not nearer than c to
-    /// the vehicle that answer up to the incidence angle i, this is c / cos i. Cells are freed up to half of their
-    /// diagonal less.
-    pub sure_range_m: f64,
-    /// Nothing is seen nearer than this, metres.
-    pub min_range_m: f64,
-    /// Deviation of the origin, metres.
-    pub origin_sd_m: f64,
-}
-
-/// The disc that the vehicle itself covers.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct OwnDisc {
-    /// Its middle.
-    pub at: Point,
-    /// Its radius, metres.
-    pub radius_m: f64,
-}
-
-/// Where a peer may be: on its leg, or at a single point.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct PeerBody<'a> {
-    /// Corners of its last leg.
-    pub leg: &'a [Point],
-    /// Its radius plus pose deviations, metres.
-    pub radius_m: f64,
-}
-
-/// What a reading changed in its own layer.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct Changes {
-    /// Tiles with a new revision, ascending.
-    pub changed: Vec<TileAddress>,
-    /// Those of them in which a merged cell became occupied: to be sent at once.
-    pub newly_occupied: Vec<TileAddress>,
-    /// Tiles of which more is known than before of parts of cells that are not free, ascending; see
-    /// [`Mapper::cleared`].
-    pub cleared: Vec<TileAddress>,
-}
-
-impl Changes {
-    /// Returns whether nothing changed.
-    pub fn is_empty(&self) -> bool {
-        self.changed.is_empty() && self.cleared.is_empty()
-    }
-}
+/// An echo is refuted when its whole arc was seen empty from so much nearer than it came, centimetres.
+const REFUTED_CM: u16 = 30;
 
 /// Writes readings to its own layer of a map, and remembers what it needs to judge the next ones.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -153,6 +100,15 @@ struct Assignment {
     also: Option<usize>,
     /// How many cells could have given it.
     open: usize,
+}
+
+/// What became of a kept echo.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Reassigned {
+    /// Cells explain it.
+    Explained,
+    /// Nothing can have given it.
+    Refuted,
 }
 
 impl Mapper {
@@ -297,10 +253,18 @@ impl Mapper {
             }
             let (cell, reach_m) = (self.memory.cell_of(*key), 2.0 * scan.max_range_m);
             let chord_m = reach_m * libm::sin(scan.half_width_rad.clamp(0.0, 1.57));
-            let mut is_left = false;
+            let (mut is_left, mut refuted) = (false, Vec::new());
             for (tile, echo) in self.memory.echoes_of(self.slice, cell, lattice, chord_m) {
-                self.reassign(lattice, tile, echo);
-                is_left |= self.memory.echo(tile, echo).is_explained_by(cell);
+                match self.reassign(lattice, tile, echo) {
+                    Reassigned::Explained => {
+                        is_left |= self.memory.echo(tile, echo).is_explained_by(cell);
+                    }
+                    Reassigned::Refuted => refuted.push((tile, echo)),
+                }
+            }
+            // From the last of a tile on, so that the others keep their places.
+            for (tile, echo) in refuted.into_iter().rev() {
+                self.memory.remove_echo(tile, echo);
             }
             if !is_left {
                 // Also what dropped echoes have left.
@@ -343,6 +307,12 @@ impl Mapper {
         {
             self.take_far_looks_back(range_cm);
         }
+        if self.is_refuted(range_cm)
+            && let Some(key) = self.scratch.keys[assigned.best]
+        {
+            // Something may have come there since: only later looks can refute it.
+            self.memory.cell_mut(key).forget_looks();
+        }
         (echo.to, echo.also) = self.parts_of(assigned);
         self.give(lattice, &echo, assigned);
         let Some(tile) = self.scratch.keys[assigned.best].map(|key| key.tile) else {
@@ -383,6 +353,17 @@ impl Mapper {
                 memory.vote(index_of_part(*part), weight);
             }
         }
+    }
+
+    /// Returns whether all of the arc that was followed was seen empty from well nearer than its echo came.
+    fn is_refuted(&self, range_cm: u16) -> bool {
+        let Some(near_cm) = range_cm.checked_sub(REFUTED_CM) else {
+            return false;
+        };
+        let is_empty = |key: &Option<CellKey>| {
+            key.is_some_and(|key| self.memory.cell(key).is_excluded(near_cm))
+        };
+        self.scratch.keys.iter().all(is_empty)
     }
 
     /// Chooses what on the arc that was followed explains its echo.
@@ -500,19 +481,25 @@ impl Mapper {
     /// Assigns a few kept echoes of a tile anew: what has been learnt since may explain them better.
     fn reassign_some(&mut self, lattice: Lattice, tile: usize) {
         for _ in 0..REASSIGNED {
-            if let Some(echo) = self.memory.next_turn(tile) {
-                self.reassign(lattice, tile, echo);
+            if let Some(echo) = self.memory.next_turn(tile)
+                && self.reassign(lattice, tile, echo) == Reassigned::Refuted
+            {
+                self.memory.remove_echo(tile, echo);
             }
         }
     }
 
-    /// Assigns a kept echo anew.
-    fn reassign(&mut self, lattice: Lattice, tile: usize, index: usize) {
+    /// Assigns a kept echo anew, or takes it from its cells when it is refuted: then it is to be removed.
+    fn reassign(&mut self, lattice: Lattice, tile: usize, index: usize) -> Reassigned {
         let mut echo = *self.memory.echo(tile, index);
         self.follow(lattice, &echo);
         let Some(assigned) = self.choose(lattice, &echo) else {
-            return;
+            return Reassigned::Explained;
         };
+        if assigned.open == 0 && self.is_refuted(echo.range_cm()) {
+            self.take(&echo);
+            return Reassigned::Refuted;
+        }
         let parts = self.parts_of(assigned);
         if parts != (echo.to, echo.also) {
             self.take(&echo);
@@ -520,6 +507,7 @@ impl Mapper {
             self.give(lattice, &echo, assigned);
             self.memory.replace_echo(tile, index, echo);
         }
+        Reassigned::Explained
     }
 
     /// Returns the key of a cell, of which is remembered from now on; `None` beyond the map's reach.
@@ -577,19 +565,6 @@ impl Mapper {
 /// Returns the lattice of the parts of cells.
 fn part_lattice(cells: Lattice) -> Lattice {
     Lattice::new(cells.cell_m() / f64::from(PART_SIDE))
-}
-
-impl PeerBody<'_> {
-    fn reaches(&self, point: Point, spread_m: f64) -> bool {
-        let reach_m = self.radius_m + spread_m;
-        let near = |leg: Segment| leg.distance_to_point(point) <= reach_m;
-        match self.leg {
-            [at] => at.distance_to(point) <= reach_m,
-            corners => corners
-                .windows(2)
-                .any(|pair| near(Segment::new(pair[0], pair[1]))),
-        }
-    }
 }
 
 #[cfg(test)]

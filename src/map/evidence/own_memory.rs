@@ -166,6 +166,15 @@ impl OwnMemory {
         echoes.push(echo);
     }
 
+    /// Drops an echo; those after it move up by a place.
+    pub(super) fn remove_echo(&mut self, tile: usize, index: usize) {
+        let TileMemory { echoes, turn, .. } = &mut self.tiles[tile];
+        echoes.remove(index);
+        if index <= *turn {
+            *turn = turn.saturating_sub(1);
+        }
+    }
+
     /// Returns the kept echo of a tile whose turn it is.
     pub(super) fn next_turn(&mut self, tile: usize) -> Option<usize> {
         let TileMemory { echoes, turn, .. } = &mut self.tiles[tile];

@@ -1,7 +1,7 @@
 //! Claims about evidence, checked in small simulated rooms that know nothing of the sensor model under test.
 
 use super::*;
-use crate::geom::Vector;
+use crate::geom::{Angle, Point, Segment, Vector};
 use crate::map::Occupancy;
 use proptest::prelude::*;
 use tomoswarm_proto::{Boot, VehicleId};
@@ -477,4 +477,63 @@ fn what_was_seen_empty_from_where_no_thin_post_is_heard_may_hold_one() {
     // Only the cell that the echo is assigned to is free no more; a post that is heard from 0.8 m may stand in any of them.
     assert!(free_after(None) >= 2 && free_after(Some(3.0)) >= 2);
     assert_eq!(free_after(Some(0.8)), 0);
+}
+
+/// Takes a reading from a place, of an echo or of none.
+fn hear(room: &mut Room, at: Point, turn: f64, range_m: Option<f64>) {
+    let scan = reading(at, degrees(turn), 15f64.to_radians(), 2.5, range_m);
+    let body = OwnDisc {
+        at,
+        radius_m: BODY_M,
+    };
+    room.mapper.record(&mut room.map, &scan, body, &[]);
+}
+
+fn occupied(room: &Room) -> Vec<Cell> {
+    let area = CellRect::new(Cell::new(-20, -20), Cell::new(25, 20));
+    let all = area.cells();
+    all.filter(|cell| room.map.occupancy(0, *cell) == Occupancy::Occupied)
+        .collect()
+}
+
+/// Looks from several places well before x = 2 m, where nothing is.
+fn look_through(room: &mut Room) {
+    for y_m in [-0.6, -0.3, 0.05, 0.3, 0.6] {
+        for turn in [-25.0, -10.0, 0.0, 10.0, 25.0] {
+            hear(room, Point::new(0.8, y_m), turn, None);
+            hear(room, Point::new(0.9, y_m), turn, None);
+        }
+    }
+}
+
+#[test]
+fn an_echo_whose_whole_arc_is_seen_empty_from_nearer_leaves_nothing() {
+    // A glitch, or a heading that was not what it was taken for.
+    let mut room = Room::new(vec![], 15.0, 2.5);
+    hear(&mut room, Point::new(0.05, 0.05), 0.0, Some(2.0));
+    assert!(!occupied(&room).is_empty());
+    look_through(&mut room);
+    assert_eq!(occupied(&room), vec![]);
+    // One that comes where all was seen empty before counts until it was seen empty again.
+    hear(&mut room, Point::new(0.05, 0.05), 0.0, Some(2.0));
+    let there = |room: &Room| occupied(room).iter().filter(|cell| cell.y > -8).count();
+    assert!(there(&room) >= 1);
+    for _ in 0..10 {
+        hear(&mut room, Point::new(-0.5, -3.0), 0.0, Some(1.5));
+    }
+    assert!(there(&room) >= 1, "other echoes do not refute it");
+    look_through(&mut room);
+    assert_eq!(there(&room), 0);
+    assert!(!occupied(&room).is_empty(), "the other one stays");
+}
+
+#[test]
+fn an_echo_from_near_is_not_refuted_from_farther() {
+    // A post that is heard from no more than 0.9 m.
+    let mut room = Room::new(vec![], 15.0, 2.5);
+    room.mapper.regard_posts(0.9);
+    hear(&mut room, Point::new(1.1, 0.05), 0.0, Some(0.9));
+    assert_eq!(occupied(&room).len(), 1);
+    look_through(&mut room);
+    assert_eq!(occupied(&room).len(), 1);
 }
