@@ -188,7 +188,7 @@ fn accept(listener: &TcpListener, target: SocketAddr, line: &Arc<Line>) {
         if line.shape().way == Way::Cut {
             continue;
         }
-        let Ok(far) = TcpStream::connect_timeout(&target, Duration::from_secs(1)) else {
+        let Ok(far) = connect(target) else {
             continue;
         };
         let cuts = line.cuts.load(Ordering::Relaxed);
@@ -201,6 +201,15 @@ fn accept(listener: &TcpListener, target: SocketAddr, line: &Arc<Line>) {
             pass(from, to, line.clone(), cuts);
         }
     }
+}
+
+/// Connects to the far end, with as little room for what comes from there as for what comes from the near one: the kernel
+/// would let it grow to megabytes, which no link has.
+fn connect(target: SocketAddr) -> std::io::Result<TcpStream> {
+    let socket = Socket::new(Domain::IPV4, Type::STREAM, Some(Protocol::TCP))?;
+    socket.set_recv_buffer_size(SOCKET_BUFFER)?;
+    socket.connect_timeout(&target.into(), Duration::from_secs(1))?;
+    Ok(socket.into())
 }
 
 /// Carries one direction of a connection, by two threads.

@@ -133,6 +133,12 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
     for (words, code, part) in [
         ("show ports/nobody", 1, "ports/nobody: No such file"),
         ("show venue.toml", 1, "it is no serial port"),
+        ("show ports", 1, "ports: it is a directory, no serial port"),
+        (
+            "setup ports --vehicle 1 --venue venue.toml",
+            1,
+            "ports: it is a directory, no serial port",
+        ),
         (
             "setup ports/vehicle-1 --vehicle 1 --venue sim.toml",
             2,

@@ -7,8 +7,10 @@ use super::{BusSettings, SessionTopology, Trust, session_id};
 
 /// Longest message that is taken from a link, bytes.
 const MESSAGE_MAX: usize = 1 << 20;
-/// Size of the kernel's buffers of a link, bytes: small, so that orders do not queue behind tiles.
-const SOCKET_BUFFER: usize = 32 << 10;
+/// Sizes of the kernel's buffers of a link, bytes: small, so that orders do not queue behind tiles. What is to be sent has the
+/// smaller one: its end knows what is urgent.
+const SEND_BUFFER: usize = 16 << 10;
+const RECEIVE_BUFFER: usize = 32 << 10;
 
 /// Returns the settings as JSON.
 pub(super) fn session(settings: &BusSettings, is_hub: bool) -> Value {
@@ -76,7 +78,7 @@ fn millis(span: std::time::Duration) -> u64 {
 fn endpoints(plain: &[String]) -> Vec<String> {
     plain
         .iter()
-        .map(|endpoint| format!("{endpoint}#so_sndbuf={SOCKET_BUFFER};so_rcvbuf={SOCKET_BUFFER}"))
+        .map(|endpoint| format!("{endpoint}#so_sndbuf={SEND_BUFFER};so_rcvbuf={RECEIVE_BUFFER}"))
         .collect()
 }
 

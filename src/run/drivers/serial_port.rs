@@ -45,6 +45,7 @@ pub(super) fn in_words(error: &io::Error) -> String {
         io::ErrorKind::WouldBlock | io::ErrorKind::ResourceBusy => {
             "another program uses it".to_owned()
         }
+        io::ErrorKind::IsADirectory => "it is a directory, no serial port".to_owned(),
         io::ErrorKind::UnexpectedEof => "it has gone".to_owned(),
         _ if error.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => {
             "it is no serial port".to_owned()

@@ -275,7 +275,10 @@ fn a_port_that_is_not_there_or_none_is_named_and_found_when_it_comes() {
     assert_eq!(driver.measure(&mut sensor, b"R1000\r"), Some(1.0));
     std::fs::write(folder.path().join("file"), "R1000\r").unwrap();
     for (path, wrong) in [
-        (folder.path().to_owned(), "directory"),
+        (
+            folder.path().to_owned(),
+            "it is a directory, no serial port",
+        ),
         (folder.path().join("file"), "it is no serial port"),
         (PathBuf::from("/dev/null"), "it is no serial port"),
     ] {

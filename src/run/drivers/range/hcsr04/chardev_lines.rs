@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use gpiocdev::line::{EdgeDetection, EdgeKind, Offset, Value};
-use gpiocdev::{FoundLine, Request, find_named_lines};
+use gpiocdev::{FoundLine, Request};
 
 use crate::config::HcSr04Lines;
 use crate::hw::echo_edges::Edge;
@@ -48,6 +48,27 @@ impl OutputLine {
     }
 }
 
+/// Returns the line of a name.
+///
+/// # Errors
+/// In words: no line has this name, or several have.
+fn the_only<'l>(name: &str, all: &'l [FoundLine]) -> Result<&'l FoundLine, String> {
+    let found: Vec<&FoundLine> = all.iter().filter(|line| line.info.name == name).collect();
+    match found[..] {
+        [] => Err(format!("{name}: no GPIO line has this name")),
+        [line] => Ok(line),
+        [..] => {
+            let place = |line: &&FoundLine| format!("{} {}", line.chip.display(), line.info.offset);
+            let places: Vec<String> = found.iter().map(place).collect();
+            Err(format!(
+                "{name}: {} GPIO lines have this name ({}); one that only one line has is needed",
+                places.len(),
+                places.join(", ")
+            ))
+        }
+    }
+}
+
 fn in_words(line: &FoundLine, error: &gpiocdev::Error) -> String {
     match line.info.used {
         true => format!("{}: {} uses it", line.info.name, line.info.consumer),
@@ -61,13 +82,10 @@ impl ChardevLines {
     /// # Errors
     /// In words: a line is not there, its name is that of several, or it is in use.
     pub(super) fn open(lines: &HcSr04Lines) -> Result<ChardevLines, String> {
-        let mut names = vec![lines.trigger.as_str(), lines.echo.as_str()];
-        names.extend(lines.power.as_deref());
-        let found = find_named_lines(&names, true).map_err(|error| error.to_string())?;
-        let line = |name: &str| {
-            let missing = || format!("{name}: no GPIO line has this name");
-            found.get(name).ok_or_else(missing)
-        };
+        let all: Vec<FoundLine> = gpiocdev::lines()
+            .map_err(|error| error.to_string())?
+            .collect();
+        let line = |name: &str| the_only(name, &all);
         let echo = line(&lines.echo)?;
         let power = lines.power.as_deref().map(line).transpose()?;
         Ok(ChardevLines {
@@ -120,5 +138,41 @@ impl ChardevLines {
             is_rising: event.kind == EdgeKind::Rising,
             number: event.line_seqno,
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gpiocdev::line::Info;
+
+    fn line(chip: &str, offset: Offset, name: &str) -> FoundLine {
+        FoundLine {
+            chip: chip.into(),
+            info: Info {
+                offset,
+                name: name.to_owned(),
+                ..Info::default()
+            },
+        }
+    }
+
+    #[test]
+    fn a_name_that_no_line_has_or_several_have_is_refused_with_their_places() {
+        let all = [
+            line("/dev/gpiochip0", 23, "GPIO23"),
+            line("/dev/gpiochip0", 24, "GPIO24"),
+            line("/dev/gpiochip4", 7, "GPIO24"),
+            line("/dev/gpiochip4", 8, ""),
+        ];
+        assert_eq!(the_only("GPIO23", &all), Ok(&all[0]));
+        assert_eq!(
+            the_only("GPIO2", &all),
+            Err("GPIO2: no GPIO line has this name".to_owned())
+        );
+        assert_eq!(
+            the_only("GPIO24", &all),
+            Err("GPIO24: 2 GPIO lines have this name (/dev/gpiochip0 24, /dev/gpiochip4 7); one that only one line has is needed".to_owned())
+        );
     }
 }
