@@ -76,6 +76,7 @@ fn a_place_that_is_marked_is_on_disk_when_that_is_said_and_finds_are_judged_by_i
     swarm.order(&["mark", "1.25,5", "--take-back", "--timeout", "30"]);
     swarm.until_end();
     swarm.order(&["mark", "--run", "1", "--timeout", "20", "--", "-0.5,0.25"]);
+    swarm.until("an image is made", 60, |watch| watch.report().images >= 1);
     swarm.end_in_order();
     let said = swarm.tool(&["export", "state-g/ground.sqlite", "--out", "out"]);
     assert!(

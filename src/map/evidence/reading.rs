@@ -53,7 +53,7 @@ pub struct Changes {
     /// Those of them in which a merged cell became occupied: to be sent at once.
     pub newly_occupied: Vec<TileAddress>,
     /// Tiles of which more is known than before of parts of cells that are not free, ascending; see
-    /// [`Mapper::cleared`].
+    /// [`super::Mapper::cleared`].
     pub cleared: Vec<TileAddress>,
 }
 
