@@ -4,6 +4,7 @@
 
 use super::SearchGrid;
 use super::steps::Rules;
+use super::terrain::Escape;
 use crate::geom::Cell;
 use crate::map::CellRect;
 
@@ -31,14 +32,13 @@ impl Component {
         let Some(first) = grid.index(start) else {
             return component;
         };
-        let reach_cells = rules.escape_m / grid.lattice().cell_m();
-        let is_escaping = !grid.open(first);
-        let is_near = |index: usize| {
-            let cell = grid.cell(index);
-            let (dx, dy) = (f64::from(cell.x - start.x), f64::from(cell.y - start.y));
-            grid.only_near(index) && dx * dx + dy * dy <= reach_cells * reach_cells
+        let escape = Escape {
+            from: start,
+            reach_cells: rules.escape_m / grid.lattice().cell_m(),
         };
-        if is_escaping && !(reach_cells > 0.0 && is_near(first)) {
+        let is_escaping = !grid.open(first);
+        let is_near = |index: usize| grid.only_near(index) && escape.reaches(grid.cell(index));
+        if is_escaping && !(escape.reach_cells > 0.0 && is_near(first)) {
             return component;
         }
         // A step aside past two open cells leads nowhere where steps straight ahead do not lead as well: rows do.

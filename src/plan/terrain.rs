@@ -130,7 +130,8 @@ impl Escape {
         }
     }
 
-    fn reaches(self, cell: Cell) -> bool {
+    /// Returns whether a cell is within reach.
+    pub(super) fn reaches(self, cell: Cell) -> bool {
         let (dx, dy) = (
             f64::from(cell.x - self.from.x),
             f64::from(cell.y - self.from.y),

@@ -70,22 +70,24 @@ impl Room {
 
     fn look(&mut self, at: Point, direction: Angle, peers: &[PeerBody<'_>]) -> Changes {
         let range_m = self.echo(at, direction);
-        let scan = reading(
+        self.hear(at, direction, range_m, peers)
+    }
+
+    /// Takes a reading from a place, of an echo or of none, whatever stands there.
+    fn hear(
+        &mut self,
+        at: Point,
+        direction: Angle,
+        range_m: Option<f64>,
+        peers: &[PeerBody<'_>],
+    ) -> Changes {
+        let (half_width_rad, sure_range_m) = (self.half_width_rad, self.sure_range_m);
+        let scan = reading(at, direction, half_width_rad, sure_range_m, range_m);
+        let body = OwnDisc {
             at,
-            direction,
-            self.half_width_rad,
-            self.sure_range_m,
-            range_m,
-        );
-        self.mapper.record(
-            &mut self.map,
-            &scan,
-            OwnDisc {
-                at,
-                radius_m: BODY_M,
-            },
-            peers,
-        )
+            radius_m: BODY_M,
+        };
+        self.mapper.record(&mut self.map, &scan, body, peers)
     }
 
     /// The cells that walls pass through, but for those that they only touch at a corner.
@@ -481,12 +483,7 @@ fn what_was_seen_empty_from_where_no_thin_post_is_heard_may_hold_one() {
 
 /// Takes a reading from a place, of an echo or of none.
 fn hear(room: &mut Room, at: Point, turn: f64, range_m: Option<f64>) {
-    let scan = reading(at, degrees(turn), 15f64.to_radians(), 2.5, range_m);
-    let body = OwnDisc {
-        at,
-        radius_m: BODY_M,
-    };
-    room.mapper.record(&mut room.map, &scan, body, &[]);
+    room.hear(at, degrees(turn), range_m, &[]);
 }
 
 fn occupied(room: &Room) -> Vec<Cell> {
