@@ -67,6 +67,7 @@ export class Fleet {
     const row = document.createElement("tr");
     row.tabIndex = 0;
     row.dataset.vehicle = String(id);
+    row.setAttribute("aria-label", `vehicle ${id}`);
     const head = document.createElement("th");
     head.scope = "row";
     row.append(head);

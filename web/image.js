@@ -79,7 +79,7 @@ function drawHistory(canvas, images) {
   pen.fillRect(40, y(0), width - 44, 1);
   pen.fillText(`± ${most_m.toFixed(1)} m`, 0, y(most_m) + 4);
   pen.fillText("± 0", 0, y(0) + 4);
-  pen.fillText(`deviation of each find, ${images.length} images of the run, oldest left`, 44, height - 3);
+  pen.fillText(`deviation of finds, ${images.length} images of the run`, 44, height - 3);
   pen.strokeStyle = pen.fillStyle = ink;
   for (const point of points) {
     const before = points.filter((other) => other.index === point.index - 1 && Math.hypot(other.at[0] - point.at[0], other.at[1] - point.at[1]) < SAME_FIND_M);

@@ -15,6 +15,8 @@ import {
 const WALL_M = 0.4;
 const WALLS_EVERY_MS = 1000;
 const WALLS_MOST = 60000;
+/** A vehicle is drawn this much larger for each metre of distance, so that it is seen. */
+const LARGER_PER_M = 0.06;
 const TRUTH = 0xa03cc8;
 const FIND = 0x0a7a3a;
 /** Heights of what lies flat, so that nothing flickers. */
@@ -261,8 +263,9 @@ export class Layers {
       const of = { state, colour, isRidden, sensors: this.model.place.sensors, cellWord: (x, y) => this.plane.cellWord(x, y) };
       this.layer(`vehicle ${state.id}`, true, key, () => vehicleParts(of));
       const [shape] = this.groups.get(`vehicle ${state.id}`).children;
-      shape.scale.setScalar(isRidden ? 1 : Math.max(1, camera.position.distanceTo(shape.position) * 0.035));
-      if (!isRidden) this.labels.put(isSilent ? `${state.id} ?` : String(state.id), state.x, state.y, state.z + 0.55, 15);
+      const scale = isRidden ? 1 : Math.max(1, camera.position.distanceTo(shape.position) * LARGER_PER_M);
+      shape.scale.setScalar(scale);
+      if (!isRidden) this.labels.put(isSilent ? `${state.id} ?` : String(state.id), state.x, state.y, state.z + 0.55 * scale, 15);
       else for (const { text, at } of this.groups.get(`vehicle ${state.id}`).children[0]?.userData.echoes ?? []) this.labels.put(text, ...at, 12);
     }
   }

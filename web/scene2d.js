@@ -21,6 +21,8 @@ export class Scene {
     this.wanted = () => {};
     /** Told the places that are pointed at, while places are asked for. */
     this.pick = null;
+    /** Told them otherwise. */
+    this.pointedAt = () => {};
     this.sketch = [];
     this.slice = 0;
     /** Counts how often the map has changed. */
@@ -47,7 +49,7 @@ export class Scene {
     });
     canvas.addEventListener("pointerup", (event) => {
       const isTap = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < TAP_PIXELS;
-      if (isTap && this.pick && this.view) this.pick(...this.placeOf(event));
+      if (isTap && this.view) (this.pick ?? this.pointedAt)(...this.placeOf(event));
       from = null;
     });
     canvas.addEventListener("pointercancel", () => { from = null; });

@@ -26,11 +26,17 @@ export class SceneView {
 
   async choose(name) {
     if (name !== "plane" && !(await this.load())) return;
-    this.current = name;
     this.follow();
+    if (name === "ride" && this.riding === null) {
+      say("There is nobody to ride with: no vehicle's place is known.");
+      return;
+    }
+    this.current = name;
     this.space?.enter(this.current);
     this.show();
     this.wanted();
+    // Keys that fly or move are those of what is seen.
+    document.getElementById(name === "plane" ? "plane" : "space").focus();
   }
 
   /** The vehicle that is ridden with: the first that is selected, or else the first of all. */
@@ -52,7 +58,7 @@ export class SceneView {
       this.space.wanted = () => this.wanted();
       return true;
     } catch (error) {
-      say(`3D cannot be shown here: ${error.message} The view from above shows the same, and STOP works.`);
+      say(`3D cannot be shown here (${error.message}). The view from above shows the same, and STOP works.`);
       return false;
     }
   }

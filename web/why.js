@@ -1,5 +1,5 @@
 // Why a pixel is dark: its value as the sum of what each link adds, asked from the server, told in words and drawn through the scene.
-// The picture is pointed at, or a place is given.
+// The picture is pointed at, or the scene where it lies, or a place is given.
 
 const CRIMSON = [185, 10, 50];
 const TEAL = [0, 120, 112];
@@ -20,6 +20,7 @@ export class WhyPanel {
     });
     document.getElementById("why-clear").addEventListener("click", () => this.clear());
     document.getElementById("heat").addEventListener("click", (event) => this.point(event));
+    scene.pointedAt = (x, y) => this.pointInScene([x, y]);
   }
 
   subject() {
@@ -34,7 +35,18 @@ export class WhyPanel {
     const [across, down] = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
     const x = image.least_x_mm + across * (image.greatest_x_mm - image.least_x_mm);
     const y = image.greatest_y_mm - down * (image.greatest_y_mm - image.least_y_mm);
-    const place = [x, y].map((mm) => Math.round(mm / 10) / 100);
+    this.askAt([x, y].map((mm) => mm / 1000));
+  }
+
+  /** The scene was pointed at: at the image, if that is what is looked at and lies there. */
+  pointInScene([x, y]) {
+    const image = this.model.images.get(this.subject());
+    const isLookedAt = image && this.scene.layers.image.checked && !document.getElementById("image").hidden;
+    if (isLookedAt && !Number.isNaN(valueAt(image, [x, y]))) this.askAt([x, y]);
+  }
+
+  askAt(at) {
+    const place = at.map((metres) => Math.round(metres * 100) / 100);
     this.fields.forEach((field, axis) => { field.value = String(place[axis]); });
     this.ask(place);
   }
@@ -83,18 +95,36 @@ export class WhyPanel {
     const lines = drawn.map((link) => ({ ...link, colour: link.share_dbpm >= 0 ? CRIMSON : TEAL, share: Math.abs(link.share_dbpm) / strongest }));
     this.scene.why = { at: answer.at, lines };
     this.scene.wanted();
-    document.getElementById("why-links").replaceChildren(...answer.told.slice(0, WORDS).map(inWords));
+    document.getElementById("why-links").replaceChildren(...answer.told.slice(0, WORDS).map(inWords), ...rest(answer));
     document.getElementById("why-clear").hidden = false;
   }
 }
 
 function inWords(link) {
-  const place = ([x, y]) => `(${x.toFixed(1)}, ${y.toFixed(1)})`;
+  // No minus before a zero.
+  const tenths = (metres) => (Math.round(metres * 10) / 10 + 0).toFixed(1);
+  const place = ([x, y]) => `(${tenths(x)}, ${tenths(y)})`;
+  return item(
+    `${place(link.from)} to ${place(link.to)} ${added(link.share_dbpm)}: lost ${link.loss_db.toFixed(1)} ± ` +
+    `${link.sd_db.toFixed(1)} dB, ${link.residual_db.toFixed(1)} dB of it unexplained`,
+  );
+}
+
+/** What all links add that are not told one by one, if there are any. */
+function rest({ told, links, value_dbpm }) {
+  const shown = told.slice(0, WORDS);
+  const share = value_dbpm - shown.reduce((sum, link) => sum + link.share_dbpm, 0);
+  const count = links - shown.length;
+  return count > 0 ? [item(`all ${count} others together ${added(share, "add", "take")}`)] : [];
+}
+
+function added(share_dbpm, adds = "adds", takes = "takes") {
+  return `${share_dbpm >= 0 ? adds : takes} ${Math.abs(share_dbpm).toFixed(3)} dB/m`;
+}
+
+function item(text) {
   const made = document.createElement("li");
-  const adds = link.share_dbpm >= 0 ? "adds" : "takes";
-  made.textContent =
-    `${place(link.from)} to ${place(link.to)} ${adds} ${Math.abs(link.share_dbpm).toFixed(3)} dB/m: lost ${link.loss_db.toFixed(1)} ± ` +
-    `${link.sd_db.toFixed(1)} dB, ${link.residual_db.toFixed(1)} dB of it unexplained`;
+  made.textContent = text;
   return made;
 }
 
@@ -102,5 +132,6 @@ function valueAt(image, [x, y]) {
   const share = (at, least, greatest) => (at * 1000 - least) / (greatest - least);
   const column = Math.floor(share(x, image.least_x_mm, image.greatest_x_mm) * image.columns);
   const row = Math.floor(share(y, image.least_y_mm, image.greatest_y_mm) * image.rows);
-  return image.mean[row * image.columns + column] ?? NaN;
+  const isInside = column >= 0 && column < image.columns && row >= 0 && row < image.rows;
+  return isInside ? image.mean[row * image.columns + column] : NaN;
 }

@@ -26,6 +26,11 @@ pub struct Browser {
 impl Browser {
     /// Opens a window of a size; `None`, with a printed line, where there is no Chromium.
     pub fn open(width: u32, height: u32) -> Option<Browser> {
+        Browser::open_with(width, height, "")
+    }
+
+    /// Opens one with these options of its command line.
+    pub fn open_with(width: u32, height: u32, options: &str) -> Option<Browser> {
         let found = Command::new("sh")
             .args(["-c", "command -v chromium"])
             .output();
@@ -37,7 +42,7 @@ impl Browser {
         // The pipe's ends are 3 and 4; a shell moves our ends there. Its sandbox needs what containers do not give.
         let line = format!(
             "exec chromium --headless=new --no-sandbox --remote-debugging-pipe --user-data-dir={} \
-             --window-size={width},{height} --hide-scrollbars --no-first-run --disable-gpu about:blank \
+             --window-size={width},{height} --hide-scrollbars --no-first-run --disable-gpu {options} about:blank \
              3<&0 4>&1 </dev/null >/dev/null 2>/dev/null",
             profile.path().display()
         );
@@ -178,13 +183,38 @@ impl Browser {
 
     /// Presses or releases the pointer on the middle of an element.
     pub fn pointer(&mut self, kind: &str, selector: &str) {
+        let place = self.middle_of(selector);
+        self.pointer_at(kind, place);
+    }
+
+    /// Presses or releases the pointer at a place of the window.
+    pub fn pointer_at(&mut self, kind: &str, [x, y]: [f64; 2]) {
+        let params = json!({"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1});
+        self.ask("Input.dispatchMouseEvent", params);
+    }
+
+    /// Points at a place of the window and lets go.
+    pub fn click_at(&mut self, place: [f64; 2]) {
+        for kind in ["mousePressed", "mouseReleased"] {
+            self.pointer_at(kind, place);
+        }
+    }
+
+    /// Touches the middle of an element and lets go.
+    pub fn touch(&mut self, selector: &str) {
+        let [x, y] = self.middle_of(selector);
+        let down = json!({"type": "touchStart", "touchPoints": [{"x": x, "y": y}]});
+        self.ask("Input.dispatchTouchEvent", down);
+        let up = json!({"type": "touchEnd", "touchPoints": []});
+        self.ask("Input.dispatchTouchEvent", up);
+    }
+
+    fn middle_of(&mut self, selector: &str) -> [f64; 2] {
         let place = self.eval(&format!(
             "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView(); const r = e.getBoundingClientRect(); \
              return [r.left + r.width / 2, r.top + r.height / 2]; }})()"
         ));
-        let params =
-            json!({"type": kind, "x": place[0], "y": place[1], "button": "left", "clickCount": 1});
-        self.ask("Input.dispatchMouseEvent", params);
+        [0, 1].map(|axis| place[axis].as_f64().unwrap())
     }
 
     /// Returns what is seen as a picture (PNG).

@@ -34,7 +34,7 @@ pub struct Dash {
 }
 
 impl Dash {
-    fn start(swarm: &mut Swarm) -> Dash {
+    pub fn start(swarm: &mut Swarm) -> Dash {
         swarm.spawn("dash", &["dash", "operator.toml", "--port", "0"]);
         Dash::of_log(&swarm.path("dash.log"))
     }
@@ -157,7 +157,7 @@ fn until_closed(mut stream: TcpStream) -> (Vec<u8>, Duration) {
     (bytes, began.elapsed())
 }
 
-fn prepared() -> Swarm {
+pub fn prepared() -> Swarm {
     Swarm::prepare(Size {
         vehicles: 2,
         laps: 1,
@@ -617,8 +617,8 @@ pub fn view(browser: &mut Browser, name: &str) {
     browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
 }
 
-/// Every control that the browser's tree for screen readers has must have a name.
-fn every_control_has_a_name(browser: &mut Browser) {
+/// Every control that the browser's tree for screen readers has, and whatever takes the focus, must have a role and a name.
+pub fn every_control_has_a_name(browser: &mut Browser) {
     let tree = browser.ask("Accessibility.getFullAXTree", json!({}));
     let roles = [
         "button",
@@ -627,21 +627,28 @@ fn every_control_has_a_name(browser: &mut Browser) {
         "tab",
         "textbox",
         "spinbutton",
+        "slider",
         "link",
         "image",
     ];
+    let takes_focus = |node: &serde_json::Value| {
+        let properties = node["properties"].as_array();
+        let mut properties = properties.into_iter().flatten();
+        properties.any(|of| of["name"] == "focusable" && of["value"]["value"] == json!(true))
+    };
     let nodes = tree["nodes"].as_array().unwrap();
     let controls: Vec<_> = nodes
         .iter()
         .filter(|node| node["ignored"] != json!(true))
-        .filter(|node| roles.iter().any(|role| node["role"]["value"] == *role))
+        .filter(|node| takes_focus(node) || roles.iter().any(|role| node["role"]["value"] == *role))
         .collect();
     assert!(controls.len() > 20, "{} controls", controls.len());
     for control in controls {
         let name = control["name"]["value"].as_str().unwrap_or_default();
+        let role = control["role"]["value"].as_str().unwrap_or_default();
         assert!(
-            !name.trim().is_empty(),
-            "a control without a name: {control}"
+            !name.trim().is_empty() && !["", "none", "generic"].contains(&role),
+            "a control without a name or a role: {control}"
         );
     }
 }
@@ -714,7 +721,10 @@ fn the_views_show_radio_plans_and_what_happened() {
     );
     shot(&mut browser, "check");
     begin_a_mission(&mut browser);
-    every_control_has_a_name(&mut browser);
+    for name in ["settings", "image", "begin"] {
+        view(&mut browser, name);
+        every_control_has_a_name(&mut browser);
+    }
     for theme in ["dark", "sunlight"] {
         browser.eval(&format!("(() => {{ const s = document.getElementById('theme'); s.value = '{theme}'; s.dispatchEvent(new Event('change')); }})()"));
         browser.until(
@@ -780,17 +790,26 @@ fn begin_a_mission(browser: &mut Browser) {
         .retain(|complaint| !complaint.contains("400"));
 }
 
-/// On a phone nothing is wider than the window, and Stop is seen.
+/// On a phone nothing is wider than the window, also with three dimensions, and Stop is seen and works by touch.
 fn on_a_phone(dash: &Dash) {
     let Some(mut browser) = Browser::open(390, 844) else {
         return;
     };
+    browser.ask(
+        "Emulation.setTouchEmulationEnabled",
+        json!({"enabled": true}),
+    );
     browser.go(&dash.operate);
     browser.until(
         "document.querySelectorAll('#vehicles tbody tr').length === 3",
         20,
     );
-    for name in ["image", "plan", "radio", "log", "check", "begin"] {
+    browser.eval("document.getElementById('view-space').click()");
+    browser.until("tomoswarm.view.space?.frames > 0", 10);
+    let views = [
+        "image", "plan", "radio", "log", "check", "begin", "settings",
+    ];
+    for name in views {
         browser.eval(&format!("document.getElementById('tab-{name}').click()"));
         browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
         std::thread::sleep(Duration::from_millis(400));
@@ -806,6 +825,14 @@ fn on_a_phone(dash: &Dash) {
         }
         shot(&mut browser, &format!("phone-{name}"));
     }
+    browser.eval("document.getElementById('space').scrollIntoView()");
+    shot(&mut browser, "phone-space");
+    browser.touch("#stop");
+    browser.until(
+        "document.getElementById('stop-result').textContent.includes('Stop is given')",
+        5,
+    );
+    browser.until("document.querySelectorAll('#stops li').length > 0", 10);
     assert_eq!(browser.complaints, Vec::<String>::new());
 }
 

@@ -30,6 +30,8 @@ mod member;
 mod missions;
 mod operator;
 #[cfg(feature = "dash")]
+mod page_3d;
+#[cfg(feature = "dash")]
 mod page_process;
 mod partitions;
 mod python;

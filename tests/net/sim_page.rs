@@ -12,10 +12,10 @@ use crate::swarm::PROGRAM;
 const CONFIG: &str = "configs/small.sim.toml";
 
 /// A simulation with its page.
-struct SimulationWithPage {
+pub struct SimulationWithPage {
     child: Child,
     out: BufReader<ChildStdout>,
-    dash: Dash,
+    pub dash: Dash,
 }
 
 fn simulate(folder: &Path, options: &[&str]) -> Command {
@@ -31,7 +31,7 @@ fn simulate_config(config: &str, folder: &Path, options: &[&str]) -> Command {
 }
 
 impl SimulationWithPage {
-    fn start(folder: &Path, options: &[&str]) -> SimulationWithPage {
+    pub fn start(folder: &Path, options: &[&str]) -> SimulationWithPage {
         SimulationWithPage::of(CONFIG, folder, options)
     }
 
@@ -52,7 +52,7 @@ impl SimulationWithPage {
     }
 
     /// Waits until the run has been written.
-    fn until_written(&mut self) {
+    pub fn until_written(&mut self) {
         let mut line = String::new();
         while !line.starts_with("written:") {
             line.clear();
