@@ -144,6 +144,7 @@ pub(super) fn refused(error: DashError) -> CliError {
     match error {
         DashError::Listen { .. }
         | DashError::NoCertificate(_)
+        | DashError::NotNamedElsewhere { .. }
         | DashError::Certificate { .. }
         | DashError::Scenario(_) => CliError::Usage(error.to_string()),
         DashError::Random(_) | DashError::Thread(_) => CliError::Fault(error.to_string()),

@@ -60,6 +60,17 @@ pub enum DashError {
          served on 127.0.0.1 only (`tomoswarm enroll` writes one; or use a tunnel, ssh -L)"
     )]
     NoCertificate(IpAddr),
+    /// Another address than that of this machine alone, and a certificate that names no other machine.
+    #[error(
+        "{address} can be reached from other machines, but the operator's certificate names this one only ({hosts}), and browsers \
+         elsewhere would refuse it: `tomoswarm enroll SWARM operator --host NAME --replace` names another"
+    )]
+    NotNamedElsewhere {
+        /// Where.
+        address: IpAddr,
+        /// The names in the certificate.
+        hosts: String,
+    },
     /// A file of the certificate is refused.
     #[error("{}: {reason}", path.display())]
     Certificate {

@@ -19,6 +19,7 @@ use tomoswarm_proto::{
 use crate::browser::Browser;
 use crate::member::settings;
 use crate::swarm::{PROGRAM, Size, Swarm, free_address, vehicle};
+use crate::websocket::{text_message, upgrade};
 
 /// What a vehicle calls itself and complains of, to see whether a page takes it for more than text.
 const EVIL: &str = "<img src=x onerror=alert(1)>";
@@ -106,44 +107,25 @@ impl Dash {
         ))
     }
 
-    /// Asks for the feed, and returns the connection with the first bytes of the answer.
-    fn feed(&self, host: &str, origin: &str) -> (TcpStream, String) {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
-        stream
-            .set_read_timeout(Some(Duration::from_secs(6)))
-            .unwrap();
-        let origin = if origin.is_empty() {
-            String::new()
-        } else {
-            format!("Origin: {origin}\r\n")
-        };
-        let request = format!(
-            "GET /feed HTTP/1.1\r\nHost: {host}\r\n{origin}Upgrade: websocket\r\nConnection: Upgrade\r\n\
-             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-        );
-        stream.write_all(request.as_bytes()).unwrap();
-        let mut head = Vec::new();
-        let mut byte = [0];
-        while !head.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|read| read > 0) {
-            head.push(byte[0]);
-        }
-        (stream, String::from_utf8_lossy(&head).into_owned())
+    /// Asks for the metrics.
+    pub fn metrics(&self, token: &str) -> (u16, String) {
+        self.metrics_of(&format!("127.0.0.1:{}", self.port), token)
     }
-}
 
-/// A message of a WebSocket's client: text, whole, masked by nothing but zeros (RFC 6455, 5.2).
-fn text_message(text: &str) -> Vec<u8> {
-    let mut bytes = vec![0x81];
-    match u16::try_from(text.len()).unwrap() {
-        short @ 0..126 => bytes.push(0x80 | short as u8),
-        long => {
-            bytes.push(0x80 | 126);
-            bytes.extend(long.to_be_bytes());
-        }
+    fn metrics_of(&self, host: &str, token: &str) -> (u16, String) {
+        self.ask(&format!(
+            "GET /metrics HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {token}\r\nConnection: close\r\n\r\n"
+        ))
     }
-    bytes.extend([0; 4]);
-    bytes.extend(text.as_bytes());
-    bytes
+
+    /// Asks for the feed, and returns the connection with the head of the answer.
+    fn feed(&self, host: &str, origin: &str) -> (TcpStream, String) {
+        let origin = match origin {
+            "" => String::new(),
+            origin => format!("Origin: {origin}\r\n"),
+        };
+        upgrade(self.port, "/feed", &format!("Host: {host}\r\n{origin}"))
+    }
 }
 
 /// Returns what comes until the connection ends, and after how long that was.
@@ -219,17 +201,18 @@ fn strangers_at_the_page_are_refused() {
             "{host} {origin} {token} {body:.40}: {answer}"
         );
     }
-    let metrics = |host: &str, token: &str| {
-        dash.ask(&format!(
-            "GET /metrics HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {token}\r\nConnection: close\r\n\r\n"
-        ))
-    };
-    let (status, answer) = metrics(&own, look);
+    let (status, answer) = dash.metrics(look);
     assert!(
         status == 200 && answer.contains("\ntomoswarm_linked "),
         "{answer}"
     );
-    assert_eq!((metrics(&own, "").0, metrics(&evil, look).0), (401, 421));
+    let strangers = [
+        dash.metrics(""),
+        dash.metrics(&operate[1..]),
+        dash.metrics_of(&evil, look),
+    ];
+    assert_eq!(strangers.map(|(status, _)| status), [401, 401, 421]);
+    metrics_are_read_by_prometheus(&answer);
     for (host, origin) in [
         (&own, &evil_origin),
         (&evil, &evil_origin),
@@ -271,6 +254,25 @@ fn strangers_at_the_page_are_refused() {
     }
     let (status, _) = dash.post(&own, &origin, operate, stop);
     assert_eq!(status, 200, "and whoever may is heard after all that");
+}
+
+/// Every line is a comment or a name, perhaps with labels, and a number; every name was declared before.
+fn metrics_are_read_by_prometheus(answer: &str) {
+    assert!(answer.contains("text/plain; version=0.0.4"), "{answer}");
+    let (_, body) = answer.split_once("\r\n\r\n").unwrap();
+    let mut declared = Vec::new();
+    for line in body.lines() {
+        if let Some(rest) = line.strip_prefix("# TYPE ") {
+            declared.push(rest.split(' ').next().unwrap());
+        }
+        if !line.starts_with('#') {
+            let (name, value) = line.rsplit_once(' ').unwrap();
+            let name = name.split('{').next().unwrap();
+            assert!(declared.contains(&name), "{line}");
+            assert!(value.parse::<f64>().is_ok(), "{line}");
+        }
+    }
+    assert!(declared.len() > 1, "{body}");
 }
 
 #[test]

@@ -33,6 +33,8 @@ mod operator;
 mod page_3d;
 #[cfg(feature = "dash")]
 mod page_process;
+#[cfg(feature = "dash")]
+mod page_tls;
 mod partitions;
 mod python;
 mod raw;
@@ -46,4 +48,8 @@ mod small_disk;
 mod strangers;
 mod swarm;
 mod trust;
+#[cfg(feature = "dash")]
+mod viewers;
+#[cfg(feature = "dash")]
+mod websocket;
 mod xbee;

@@ -63,6 +63,10 @@ impl SimulationWithPage {
         }
     }
 
+    pub fn process(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Ends it as Ctrl-C does; returns the exit code and what it had still to say.
     fn interrupt(&mut self) -> (Option<i32>, String) {
         let id = self.child.id().to_string();

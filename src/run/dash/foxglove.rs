@@ -2,8 +2,8 @@
 //! map, images, and what happened, with the schemas of recordings. It only shows: whatever a viewer publishes or asks for beside
 //! channels is passed over. Nothing here opens a connection.
 //!
-//! A viewer that is slow is sent less: poses at most ten times a second, the map every ten seconds, and nothing while its
-//! connection is full.
+//! A viewer that is slow is sent less: poses at most ten times a second, the map every ten seconds; map and images only when
+//! nothing waits for it, and nothing while its connection is full. A channel is sent once, for the newest subscription of it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -22,8 +22,6 @@ use crate::time::Time;
 const EVERY: Duration = Duration::from_millis(100);
 /// Between two maps: each is the whole of it.
 const MAP_EVERY: Duration = Duration::from_secs(10);
-/// Subscriptions of a viewer at most.
-const SUBSCRIPTIONS_MAX: usize = 512;
 /// Lines of the log in one round at most.
 const LINES_AT_ONCE: usize = 100;
 /// The operation of a binary frame: data of a subscription.
@@ -110,6 +108,14 @@ impl Channel {
         }
     }
 
+    /// Returns whether a message of it is long: hundreds of kilobytes.
+    fn is_large(self) -> bool {
+        match self {
+            Channel::Map | Channel::Image(_) => true,
+            Channel::Pose(_) | Channel::Log => false,
+        }
+    }
+
     fn schema(self) -> Schema {
         match self {
             Channel::Map | Channel::Image(_) => Schema::Grid,
@@ -150,10 +156,11 @@ impl FoxgloveViewer {
         (viewer, FoxgloveFrame::Text(info.to_string()))
     }
 
-    /// Takes what the viewer says. A new subscription is sent everything anew.
+    /// Takes what the viewer says. A new subscription is sent everything anew, in place of an earlier one of the same channel;
+    /// one of a channel that there is not is passed over.
     ///
     /// # Errors
-    /// It is no message of the protocol, or it has too many subscriptions.
+    /// It is no message of the protocol.
     pub(super) fn hear(&mut self, text: &str) -> Result<(), String> {
         let said: ViewerMessage =
             serde_json::from_str(text).map_err(|error| format!("not understood: {error}"))?;
@@ -162,10 +169,8 @@ impl FoxgloveViewer {
                 for Subscription { id, channel_id } in subscriptions {
                     let known = self.advertised.iter();
                     let channel = known.copied().find(|of| of.number() == channel_id);
-                    if self.subscriptions.len() >= SUBSCRIPTIONS_MAX {
-                        return Err(format!("more than {SUBSCRIPTIONS_MAX} subscriptions"));
-                    }
                     if let Some(channel) = channel {
+                        self.subscriptions.retain(|_, of| *of != channel);
                         self.subscriptions.insert(id, channel);
                         self.forget(channel);
                     }
@@ -204,18 +209,26 @@ impl FoxgloveViewer {
         self.next_at = now + EVERY;
     }
 
-    /// Returns what is due of a board as it is at a moment; `now` is the caller's clock.
-    pub(super) fn due(&mut self, now: Time, moment: Time, board: &Board) -> Vec<FoxgloveFrame> {
+    /// Returns what is due of a board as it is at a moment; `now` is the caller's clock. Of a viewer for which something waits
+    /// already, what is large is put off.
+    pub(super) fn due(
+        &mut self,
+        now: Time,
+        (moment, board): (Time, &Board),
+        is_idle: bool,
+    ) -> Vec<FoxgloveFrame> {
         if now < self.next_at {
             return Vec::new();
         }
         self.next_at = now + EVERY;
         let mut frames = Vec::new();
         frames.extend(self.advertise(board));
-        let wanted: BTreeSet<Channel> = self.subscriptions.values().copied().collect();
-        for channel in wanted {
-            for value in self.sent.messages(channel, moment, board) {
-                frames.extend(self.to_subscribers(channel, moment, &value));
+        for (id, channel) in &self.subscriptions {
+            if channel.is_large() && !is_idle {
+                continue;
+            }
+            for value in self.sent.messages(*channel, moment, board) {
+                frames.push(data(*id, moment, &value));
             }
         }
         frames
@@ -235,19 +248,15 @@ impl FoxgloveViewer {
         let text = json!({ "op": "advertise", "channels": channels }).to_string();
         Some(FoxgloveFrame::Text(text))
     }
+}
 
-    fn to_subscribers(&self, channel: Channel, moment: Time, value: &Value) -> Vec<FoxgloveFrame> {
-        let text = value.to_string();
-        let is_of = |(_, of): &(&u32, &Channel)| **of == channel;
-        let frame = |(id, _): (&u32, &Channel)| {
-            let mut bytes = vec![MESSAGE_DATA];
-            bytes.extend(id.to_le_bytes());
-            bytes.extend(moment.as_nanos().to_le_bytes());
-            bytes.extend(text.as_bytes());
-            FoxgloveFrame::Binary(bytes)
-        };
-        self.subscriptions.iter().filter(is_of).map(frame).collect()
-    }
+/// Returns a message of a subscription.
+fn data(subscription: u32, moment: Time, value: &Value) -> FoxgloveFrame {
+    let mut bytes = vec![MESSAGE_DATA];
+    bytes.extend(subscription.to_le_bytes());
+    bytes.extend(moment.as_nanos().to_le_bytes());
+    bytes.extend(value.to_string().as_bytes());
+    FoxgloveFrame::Binary(bytes)
 }
 
 impl Sent {
@@ -321,5 +330,93 @@ impl Sent {
             log_line(event.at, is_error, event.kind.word(), &event.text)
         };
         new.iter().map(line).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dash::board::BoardInput;
+    use crate::geom::Lattice;
+    use crate::operator::HeardMessage;
+    use tomoswarm_proto::{
+        Boot, LayerId, Message, Sender, State, TileAddress, TileReport, VehicleId,
+    };
+
+    fn at(seconds: f64) -> Time {
+        Time::from_secs_f64(seconds)
+    }
+
+    /// A board with a vehicle and a map.
+    fn board() -> Board {
+        let mut board = Board::new(7, Lattice::new(0.1));
+        let sender = Sender::Vehicle(VehicleId(1));
+        let state = State {
+            vehicle: VehicleId(1),
+            pose: Some(tomoswarm_proto::PoseReport::default()),
+            ..State::default()
+        };
+        let tile = TileReport {
+            address: TileAddress {
+                slice: 0,
+                x: 0,
+                y: 0,
+            },
+            revision: 1,
+            cells: std::sync::Arc::new([17; tomoswarm_proto::TILE_CELLS]),
+            layer: LayerId {
+                vehicle: VehicleId(1),
+                boot: Boot(1),
+            },
+        };
+        for message in [Message::State(state), Message::Tile(tile)] {
+            let heard = HeardMessage::Message(sender, message);
+            board.take(at(0.0), &BoardInput::Heard(heard));
+        }
+        board
+    }
+
+    /// A viewer that has been told of all channels.
+    fn viewer(board: &Board) -> FoxgloveViewer {
+        let (mut viewer, _) = FoxgloveViewer::new(at(0.0), "yard");
+        viewer.due(at(0.0), (at(0.0), board), true);
+        viewer
+    }
+
+    fn subscribe(viewer: &mut FoxgloveViewer, subscriptions: &[(u32, Channel)]) {
+        let one = |(id, channel): &(u32, Channel)| json!({"id": id, "channelId": channel.number()});
+        let all: Vec<Value> = subscriptions.iter().map(one).collect();
+        let text = json!({"op": "subscribe", "subscriptions": all}).to_string();
+        viewer.hear(&text).unwrap();
+    }
+
+    /// The subscriptions of the messages that are due.
+    fn due(viewer: &mut FoxgloveViewer, at_s: f64, board: &Board, is_idle: bool) -> Vec<u8> {
+        let frames = viewer.due(at(at_s), (at(at_s), board), is_idle);
+        let subscription = |frame: &FoxgloveFrame| match frame {
+            FoxgloveFrame::Binary(bytes) => Some(bytes[1]),
+            FoxgloveFrame::Text(_) => None,
+        };
+        frames.iter().filter_map(subscription).collect()
+    }
+
+    #[test]
+    fn a_channel_is_sent_once_however_often_it_is_subscribed_to() {
+        let board = board();
+        let mut viewer = viewer(&board);
+        let often: Vec<(u32, Channel)> = (0..200).map(|id| (id, Channel::Map)).collect();
+        subscribe(&mut viewer, &often);
+        subscribe(&mut viewer, &[(3, Channel::Pose(1))]);
+        assert_eq!(due(&mut viewer, 1.0, &board, true), [3, 199]);
+        assert!(due(&mut viewer, 2.0, &board, true).is_empty());
+    }
+
+    #[test]
+    fn what_is_large_waits_until_nothing_else_does() {
+        let board = board();
+        let mut viewer = viewer(&board);
+        subscribe(&mut viewer, &[(1, Channel::Pose(1)), (2, Channel::Map)]);
+        assert_eq!(due(&mut viewer, 1.0, &board, false), [1]);
+        assert_eq!(due(&mut viewer, 2.0, &board, true), [2]);
     }
 }

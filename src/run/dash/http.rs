@@ -440,8 +440,13 @@ async fn foxglove(
 ) -> Response {
     let token = uri.query().and_then(|query| query.strip_prefix("look="));
     let token = token.unwrap_or_default().to_owned();
+    let upgrade = upgrade.protocols(FOXGLOVE_PROTOCOLS);
+    if upgrade.selected_protocol().is_none() {
+        let [one, other] = FOXGLOVE_PROTOCOLS;
+        let reason = format!("the protocol {one} or {other} is expected");
+        return refused(&GateRefusal::Unreadable(reason));
+    }
     upgrade
-        .protocols(FOXGLOVE_PROTOCOLS)
         .max_message_size(VIEWER_INBOUND_MAX)
         .max_frame_size(VIEWER_INBOUND_MAX)
         .on_upgrade(move |socket| connect_viewer(socket, token, shared.requests.clone()))

@@ -1,7 +1,7 @@
 //! What every host of the page has: the server's thread, the connections, and the loop's side of both.
 
 use std::collections::BTreeMap;
-use std::net::{SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -70,19 +70,32 @@ pub(super) fn listen(at: &PageAddress) -> Result<Listening, DashError> {
             base: format!("http://{address}"),
         });
     };
-    let is_named = |host: &&String| **host == address.to_string();
-    let host = identity
-        .hosts
-        .iter()
-        .find(is_named)
-        .or(identity.hosts.first());
-    let host = host.map_or_else(|| address.to_string(), String::clone);
+    let host = known_elsewhere(&identity.hosts, address)?;
     Ok(Listening {
         listener,
         names: OwnNames::in_certificate(&identity.hosts, port),
         tls: Some(identity.config),
-        base: format!("https://{}", named(&host, port)),
+        base: format!("https://{}", named(host, port)),
     })
+}
+
+/// Returns the name by which other machines know a server that listens on an address: the address, if the certificate names it.
+///
+/// # Errors
+/// The certificate names this machine only.
+fn known_elsewhere(hosts: &[String], address: IpAddr) -> Result<&str, DashError> {
+    let is_this_machine = |host: &str| {
+        let address: Option<IpAddr> = host.parse().ok();
+        address.map_or(host == "localhost", |address| address.is_loopback())
+    };
+    let elsewhere: Vec<&String> = hosts.iter().filter(|host| !is_this_machine(host)).collect();
+    let is_named = |host: &&&String| ***host == address.to_string();
+    let host = elsewhere.iter().find(is_named).or(elsewhere.first());
+    let host = host.ok_or_else(|| DashError::NotNamedElsewhere {
+        address,
+        hosts: hosts.join(", "),
+    });
+    host.map(|host| host.as_str())
 }
 
 impl Listening {

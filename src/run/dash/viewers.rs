@@ -76,7 +76,8 @@ impl Viewers {
                 viewer.wait(now);
                 continue;
             }
-            let due = viewer.due(now, moment, board);
+            let is_idle = frames.capacity() == FRAMES_WAITING;
+            let due = viewer.due(now, (moment, board), is_idle);
             due.into_iter().for_each(|frame| send(frames, frame));
         }
     }
