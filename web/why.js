@@ -111,10 +111,9 @@ function inWords(link) {
 }
 
 /** What all links add that are not told one by one, if there are any. */
-function rest({ told, links, value_dbpm }) {
-  const shown = told.slice(0, WORDS);
-  const share = value_dbpm - shown.reduce((sum, link) => sum + link.share_dbpm, 0);
-  const count = links - shown.length;
+function rest({ told, links, untold_dbpm }) {
+  const share = told.slice(WORDS).reduce((sum, link) => sum + link.share_dbpm, untold_dbpm);
+  const count = links - WORDS;
   return count > 0 ? [item(`all ${count} others together ${added(share, "add", "take")}`)] : [];
 }
 

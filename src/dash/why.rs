@@ -83,6 +83,7 @@ impl WhyJob {
         let made = made.map_err(|error| error.to_string())?;
         let shares = made.shares.ok_or("no link made this pixel")?;
         let nearest = shares.links.iter().map(|link| distance_m(link, shares.at));
+        let untold = shares.links.iter().skip(TOLD).map(|link| link.share);
         Ok(json!({
             "run": self.run.0,
             "emptyRun": self.empty_run.map(|run| run.0),
@@ -92,6 +93,7 @@ impl WhyJob {
             "nearest_m": nearest.min_by(f64::total_cmp),
             "residualRms_db": made.residual_rms_db,
             "leastCovered_deg": least_covered_deg(&shares.links, shares.at),
+            "untold_dbpm": untold.sum::<f64>(),
             "told": shares.links.iter().take(TOLD).map(link).collect::<Vec<_>>(),
         })
         .to_string())

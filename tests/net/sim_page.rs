@@ -63,10 +63,6 @@ impl SimulationWithPage {
         }
     }
 
-    pub fn process(&self) -> u32 {
-        self.child.id()
-    }
-
     /// Ends it as Ctrl-C does; returns the exit code and what it had still to say.
     fn interrupt(&mut self) -> (Option<i32>, String) {
         let id = self.child.id().to_string();
@@ -205,5 +201,10 @@ fn pictures() {
     view(&mut browser, "image");
     std::thread::sleep(Duration::from_millis(500));
     shot(&mut browser, "page");
+    browser.key("v", "KeyV", 86);
+    browser.until("tomoswarm.view.space?.frames > 0", 20);
+    // Walls are made a moment after the map.
+    std::thread::sleep(Duration::from_millis(1500));
+    shot(&mut browser, "page-3d");
     assert_eq!(browser.complaints, Vec::<String>::new());
 }
