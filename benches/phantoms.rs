@@ -2,7 +2,9 @@
 //!
 //! `cargo bench --no-default-features --bench phantoms -- FOLDER [FIRST SEEDS]` images every `NAME.links.csv` in a folder by the
 //! solver `auto` and prints, for each kind of phantom, relative error, structural similarity and overlap by Otsu's threshold:
-//! mean and 95 % interval, those of the reference, and the paired differences. With FIRST and SEEDS the phantoms and the
+//! mean and 95 % interval, those of the reference, and the paired differences. Then how well the deviation of the pixels tells
+//! the error of the image: the share of the truth within the 90 % band (the image ± 1.645 deviations), and the correlation of
+//! the size of the error with the deviation, means over the images of a kind. With FIRST and SEEDS the phantoms and the
 //! reference's scores (`BASELINE.jsonl`) are made before, by the scripts in `../shared/tools/phantoms`; these need a Python
 //! with numpy and scipy (`PYTHON=/path/to/python`). Without scripts or folder it says so and does nothing.
 
@@ -26,7 +28,7 @@ use std::time::Instant;
 
 use score::{overlap_by_otsu, relative_error, structural_similarity};
 use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{ImagingSettings, Link, Reconstruction, Solver, reconstruct};
+use tomoswarm::tomo::{Extras, Imager, ImagingSettings, Link, Reconstruction, Solver};
 
 /// The references of the kinds of phantoms.
 const REFERENCES: [(&str, &str); 6] = [
@@ -79,13 +81,14 @@ fn main() {
     cases.sort();
     let reference = references(&folder);
     let mut kinds: BTreeMap<String, Vec<(Scores, Option<Scores>)>> = BTreeMap::new();
+    let mut bands: BTreeMap<String, Vec<[f64; 4]>> = BTreeMap::new();
     let mut seconds = 0.0;
     for case in &cases {
         let start = Instant::now();
         let Some(made) = image_of(
             &folder,
             case,
-            Solver::Auto(ImagingSettings::candidates_for(area())),
+            Some(Solver::Auto(ImagingSettings::candidates_for(area()))),
         ) else {
             continue;
         };
@@ -94,12 +97,19 @@ fn main() {
         let scores = scores(&made.image.values, &truth);
         let chosen = made
             .choice
+            .as_ref()
             .map_or_else(String::new, |choice| choice.words());
         println!(
             "{case} {:.3} {:.3} {:.3} {chosen}",
             scores[0], scores[1], scores[2]
         );
         let (kind, _) = case.rsplit_once('_').unwrap_or((case, ""));
+        let of_map = image_of(&folder, case, None).and_then(|made| band(&made, &truth));
+        if let (Some([share, along]), Some([map_share, map_along])) = (band(&made, &truth), of_map)
+        {
+            let rows = bands.entry(kind.to_owned()).or_default();
+            rows.push([share, along, map_share, map_along]);
+        }
         let other = reference.get(case).copied();
         kinds
             .entry(kind.to_owned())
@@ -108,6 +118,16 @@ fn main() {
     }
     println!("{:.2} s an image", seconds / cases.len().max(1) as f64);
     kinds.iter().for_each(|(kind, rows)| print(kind, rows));
+    for (kind, rows) in &bands {
+        let of = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<f64>>();
+        println!(
+            "{kind}: within the 90 % band {:.3}, correlation of error with deviation {:+.3}; of `map` {:.3}, {:+.3}",
+            mean(&of(0)),
+            mean(&of(1)),
+            mean(&of(2)),
+            mean(&of(3))
+        );
+    }
 }
 
 /// Makes phantoms and reference; returns whether that worked.
@@ -193,15 +213,53 @@ fn links(path: &Path) -> Option<Vec<Link>> {
     text.lines().skip(1).map(link).collect()
 }
 
-fn image_of(folder: &Path, case: &str, solver: Solver) -> Option<Reconstruction> {
+/// Makes an image, by the solver `map` as it is by default unless another one is given.
+fn image_of(folder: &Path, case: &str, solver: Option<Solver>) -> Option<Reconstruction> {
     let now = links(&folder.join(format!("{case}.links.csv")))?;
     let empty = links(&folder.join(format!("{case}.empty.csv")));
-    let settings = ImagingSettings {
-        solver,
-        weights: ImagingSettings::for_area(area()).fresnel(),
-        ..ImagingSettings::for_area(area())
+    let of_map = match empty {
+        Some(_) => ImagingSettings::for_change(area()),
+        None => ImagingSettings::for_area(area()),
     };
-    reconstruct(&now, empty.as_deref(), &settings).ok()
+    let settings = solver.map_or(of_map, |solver| ImagingSettings {
+        solver,
+        weights: of_map.fresnel(),
+        ..of_map
+    });
+    let extras = Extras {
+        persons: true,
+        deviation: Some(COLUMNS * COLUMNS),
+        ..Extras::default()
+    };
+    let mut imager = Imager::new(settings).ok()?;
+    imager.update(&now, empty.as_deref(), extras).ok()
+}
+
+/// Returns the share of the truth that lies within the 90 % band, and the correlation of the size of the error with the
+/// deviation.
+fn band(made: &Reconstruction, truth: &[f64]) -> Option<[f64; 2]> {
+    let sd = made.deviation.as_ref()?;
+    let errors = made.image.values.iter().zip(truth);
+    let errors: Vec<f64> = errors.map(|(own, true_)| (own - true_).abs()).collect();
+    let within = errors
+        .iter()
+        .zip(sd)
+        .filter(|(error, sd)| **error <= 1.645 * **sd);
+    Some([
+        within.count() as f64 / errors.len() as f64,
+        correlation(&errors, sd),
+    ])
+}
+
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let product = |x: &[f64], y: &[f64]| {
+        let (x_mean, y_mean) = (mean(x), mean(y));
+        x.iter()
+            .zip(y)
+            .map(|(x, y)| (x - x_mean) * (y - y_mean))
+            .sum::<f64>()
+    };
+    product(a, b) / (product(a, a) * product(b, b)).sqrt()
 }
 
 /// The values of a truth file: little-endian f32 after the header.

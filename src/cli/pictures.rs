@@ -54,7 +54,7 @@ fn pictures_of_links(
     };
     let settings = scenario.image(subject);
     let made = outcome.change.as_ref().or(outcome.structure.as_ref());
-    let Some(links) = made.and_then(|made| made.links.as_deref()) else {
+    let Some((made, links)) = made.and_then(|made| Some((made, made.links.as_deref()?))) else {
         return Ok(Vec::new());
     };
     let of_links = LinkPictures {
@@ -69,7 +69,7 @@ fn pictures_of_links(
         ("residuals.png", of_links.residuals()?),
     ];
     let deviation = match subject {
-        Subject::Change => deviation_of(links, &settings, MOST_BLOCKS),
+        Subject::Change => deviation_of(links, &made.image.values, &settings, MOST_BLOCKS),
         Subject::Structure => None,
     };
     if let Some(values) = deviation {

@@ -8,6 +8,10 @@
 //! variances (as in [`super::map_solver`]; Rasmussen & Williams 2006, eq. A.9). Of an image of more pixels than are wanted the
 //! same is done for blocks of k × k pixels; what the prior leaves open within a block is added to its variance, so that the
 //! deviation is never told too small.
+//!
+//! Images that are mostly zero ([`sparse_deviation`]) have no noise where nothing is, which one variance for all pixels cannot
+//! say. There each pixel gets a variance of its own, γ = m² + P (one step of sparse Bayesian learning, Tipping 2001; m = the
+//! largest of the image within a pixel, since an edge may lie beside), and D = √(γ / σ²) takes the place of the room.
 
 use super::dense::LowerTriangle;
 use super::map_solver::Nuisance;
@@ -58,6 +62,36 @@ pub(super) fn posterior_deviation(inputs: &PosteriorInputs<'_>) -> Option<Vec<f6
         room * (variances[blocks.block_of(pixel)] + open).max(0.0).sqrt()
     };
     Some((0..inputs.grid.len()).map(of_pixel).collect())
+}
+
+/// Returns the standard deviation of every pixel of an image that is mostly zero, dB/m: large where something is or may be;
+/// `None` when the numbers leave no answer. The inputs are those without anything known of the pixels: no room.
+pub(super) fn sparse_deviation(inputs: &PosteriorInputs<'_>, image: &[f64]) -> Option<Vec<f64>> {
+    let sd = posterior_deviation(inputs)?;
+    let prior_sd = inputs.prior.variance.sqrt();
+    let content: Vec<f64> = (0..image.len())
+        .map(|pixel| libm::hypot(largest_around(inputs.grid, image, pixel), sd[pixel]) / prior_sd)
+        .collect();
+    let mut rows = inputs.rows.clone();
+    rows.scale_pixels(&content);
+    posterior_deviation(&PosteriorInputs {
+        rows: &rows,
+        room: &content,
+        ..*inputs
+    })
+}
+
+/// Returns the largest size of a value among a pixel and its eight neighbours.
+fn largest_around(grid: PixelGrid, image: &[f64], pixel: usize) -> f64 {
+    let (column, row) = (pixel % grid.columns, pixel / grid.columns);
+    let rows = row.saturating_sub(1)..=(row + 1).min(grid.rows - 1);
+    let columns = column.saturating_sub(1)..=(column + 1).min(grid.columns - 1);
+    let around = rows.flat_map(|row| {
+        columns
+            .clone()
+            .map(move |column| row * grid.columns + column)
+    });
+    around.fold(0.0, |most, pixel| image[pixel].abs().max(most))
 }
 
 impl Blocks {
@@ -330,6 +364,35 @@ mod tests {
             );
             before = after;
         }
+    }
+
+    #[test]
+    fn a_sparse_image_is_unsure_where_something_is_and_sure_where_nothing_is() {
+        let (grid, links) = (grid(12, 10), links());
+        let rows = rows(&grid, &links);
+        let inputs = PosteriorInputs {
+            grid,
+            most_blocks: 1600,
+            prior: PRIOR,
+            rows: &rows,
+            room: &[],
+            noise_db2: &vec![1.0; links.len()],
+            nuisance: &[],
+        };
+        let alike = posterior_deviation(&inputs).unwrap();
+        let empty = sparse_deviation(&inputs, &vec![0.0; grid.len()]).unwrap();
+        let less = empty.iter().zip(&alike).all(|(empty, alike)| empty < alike);
+        assert!(less, "nothing was found anywhere");
+        // A person in the middle, another one in a corner.
+        let mut image = vec![0.0; grid.len()];
+        (image[5 * 12 + 6], image[0]) = (3.0, 3.0);
+        let sd = sparse_deviation(&inputs, &image).unwrap();
+        for near in [5 * 12 + 6, 4 * 12 + 5, 6 * 12 + 7, 0, 1, 12, 13] {
+            assert!(sd[near] > 1.5 * empty[near], "{near}: {}", sd[near]);
+        }
+        let far = 2 * 12 + 9;
+        assert!((sd[far] / empty[far] - 1.0).abs() < 0.2, "{}", sd[far]);
+        assert!(sd.iter().all(|sd| sd.is_finite() && *sd > 0.0));
     }
 
     #[test]

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::calibrate::Observation;
-use super::deviation::{PosteriorInputs, posterior_deviation};
+use super::deviation::{PosteriorInputs, posterior_deviation, sparse_deviation};
 use super::map_solver::MapSettings;
 use super::settings::{ImagingSettings, Solver};
 use super::student;
@@ -111,13 +111,15 @@ fn direction_of(link: Segment) -> usize {
     ((share * DIRECTIONS as f64) as usize) % DIRECTIONS
 }
 
-/// Returns the standard deviation of every pixel under the prior of the solver `map`, dB/m, as the links leave it that an
-/// image was made of; what contradicts the image weighs less. `None` when the numbers leave no answer.
+/// Returns the standard deviation of every pixel, dB/m, as the links leave it that an image was made of; what contradicts the
+/// image weighs less. `None` when the numbers leave no answer. Of a solver whose images are mostly zero it is large where
+/// something is.
 ///
 /// This is for images of a change: what is not known of a fitted path loss, and where there is no room for a change, is
 /// passed over.
 pub fn deviation_of(
     links: &[ImagedLink],
+    image: &[f64],
     settings: &ImagingSettings,
     most_blocks: usize,
 ) -> Option<Vec<f64>> {
@@ -131,14 +133,11 @@ pub fn deviation_of(
         | Solver::Auto(_) => ImagingSettings::prior_for(settings.grid.area),
     };
     let degrees = MapSettings::default().student_degrees;
-    let noise_of = |link: &ImagedLink| {
-        let share = link.residual_db / link.sd_db;
-        let trust = degrees.map_or(1.0, |degrees| student::trust(share * share, degrees));
-        link.sd_db * link.sd_db / trust
-    };
+    let noise_of =
+        |link: &ImagedLink| student::doubted(link.sd_db * link.sd_db, link.residual_db, degrees);
     let noise_db2: Vec<f64> = links.iter().map(noise_of).collect();
     let segments = links.iter().map(ImagedLink::segment);
-    posterior_deviation(&PosteriorInputs {
+    let inputs = PosteriorInputs {
         grid: settings.grid,
         most_blocks,
         prior,
@@ -146,7 +145,11 @@ pub fn deviation_of(
         room: &[],
         noise_db2: &noise_db2,
         nuisance: &[],
-    })
+    };
+    match settings.solver.is_non_negative() {
+        true => sparse_deviation(&inputs, image),
+        false => posterior_deviation(&inputs),
+    }
 }
 
 #[cfg(test)]
@@ -196,7 +199,7 @@ mod tests {
     #[test]
     fn the_deviation_falls_where_a_link_has_been_and_nowhere_else() {
         let settings = settings();
-        let sd = deviation_of(&[link((0.0, 4.1), (10.0, 4.1))], &settings, 400).unwrap();
+        let sd = deviation_of(&[link((0.0, 4.1), (10.0, 4.1))], &[], &settings, 400).unwrap();
         let at = |x_m, y_m| sd[settings.grid.pixel_at(Point::new(x_m, y_m)).unwrap()];
         assert!(
             at(5.0, 4.1) < 0.99 * at(5.0, 9.0),
@@ -205,7 +208,7 @@ mod tests {
             at(5.0, 9.0)
         );
         assert_eq!(
-            deviation_of(&[], &settings, 400).unwrap().len(),
+            deviation_of(&[], &[], &settings, 400).unwrap().len(),
             settings.grid.len()
         );
     }

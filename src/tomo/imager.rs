@@ -10,7 +10,7 @@ use crate::geom::{Point, Segment};
 
 use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
-use super::deviation::{PosteriorInputs, posterior_deviation};
+use super::deviation::{PosteriorInputs, posterior_deviation, sparse_deviation};
 use super::finds::{Driven, Finds, find_persons};
 use super::imaged_links::ImagedLink;
 use super::map_solver::{MapProblem, MapSettings, Nuisance};
@@ -422,7 +422,8 @@ impl Imager {
         self.last.get(&key).copied().unwrap_or((0.0, 1.0))
     }
 
-    /// Returns the deviation of every pixel under the prior of `map`; what contradicts the image weighs as little as there.
+    /// Returns the deviation of every pixel under the prior of `map`, and of an image that is mostly zero under one that knows
+    /// it; what contradicts the image weighs as little as in `map`.
     fn deviation(
         &self,
         most_blocks: usize,
@@ -435,12 +436,10 @@ impl Imager {
         let links = calibrated.observations.iter().zip(&solved.residual_db);
         let noise_db2: Vec<f64> = links
             .map(|(link, residual_db)| {
-                let square = residual_db * residual_db / link.variance_db2;
-                let trust = |degrees| student::trust(square, degrees);
-                link.variance_db2 / map.student_degrees.map_or(1.0, trust)
+                student::doubted(link.variance_db2, *residual_db, map.student_degrees)
             })
             .collect();
-        posterior_deviation(&PosteriorInputs {
+        let inputs = PosteriorInputs {
             grid: self.settings.grid,
             most_blocks,
             prior,
@@ -448,7 +447,11 @@ impl Imager {
             room,
             noise_db2: &noise_db2,
             nuisance: &nuisance_of(calibrated),
-        })
+        };
+        match self.settings.solver.is_non_negative() {
+            true => sparse_deviation(&inputs, &solved.image),
+            false => posterior_deviation(&inputs),
+        }
     }
 
     fn solve(

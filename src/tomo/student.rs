@@ -10,6 +10,12 @@ pub(super) fn trust(square: f64, degrees: f64) -> f64 {
     (degrees + 1.0) / (degrees + square)
 }
 
+/// Returns the variance of a link, larger the farther its residual is off; without degrees of freedom the noise is Gaussian.
+pub(super) fn doubted(variance_db2: f64, residual_db: f64, degrees: Option<f64>) -> f64 {
+    let square = residual_db * residual_db / variance_db2;
+    variance_db2 / degrees.map_or(1.0, |degrees| trust(square, degrees))
+}
+
 /// Returns κ, the factor on all variances under which squares of residuals over variances are most probable; it is at least
 /// `least`. Iterative reweighting from a start, which is returned when there are no squares.
 pub(super) fn noise_scale(squares: &[f64], start: f64, least: f64) -> f64 {
@@ -48,5 +54,7 @@ mod tests {
         assert_eq!(trust(0.0, DEGREES), 1.25);
         assert_eq!(trust(1.0, DEGREES), 1.0);
         assert_eq!(trust(96.0, DEGREES), 0.05);
+        assert_eq!(doubted(2.0, 14.0, Some(96.0)), 4.0);
+        assert_eq!(doubted(2.0, 14.0, None), 2.0);
     }
 }
