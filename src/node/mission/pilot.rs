@@ -429,6 +429,7 @@ impl Pilot {
             peers: terrain.standing_peers(),
             passed: terrain.passed_lately().collect(),
             failures: self.attempts.failures(),
+            are_paths_barred: self.attempts.are_paths_barred(),
         };
         self.state = State::Planning {
             ready: now + self.settings.path_time,

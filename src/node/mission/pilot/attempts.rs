@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// Looks at one place before what is unknown counts as barred.
 const LOOKS_MAX: u32 = 4;
+/// After so many paths in a row of which nothing could be driven, another one is in vain.
+const BARRED_PATHS_MAX: u32 = 3;
 
 /// Attempts to get on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -17,6 +19,8 @@ pub(super) struct Attempts {
     has_untried_path: bool,
     /// Searches without a result in a row.
     failures: u32,
+    /// Paths in a row of which nothing could be driven.
+    barred_paths: u32,
 }
 
 impl Attempts {
@@ -33,7 +37,7 @@ impl Attempts {
     /// Records that the vehicle gets on.
     pub(super) fn drive(&mut self) {
         self.begin_way();
-        self.has_untried_path = false;
+        (self.has_untried_path, self.barred_paths) = (false, 0);
     }
 
     /// Records that a stop was passed.
@@ -66,7 +70,15 @@ impl Attempts {
 
     /// Records that the way is blocked; returns whether that is a path of which nothing has been driven.
     pub(super) fn is_blocked_at_once(&mut self) -> bool {
-        std::mem::take(&mut self.has_untried_path)
+        let is_at_once = std::mem::take(&mut self.has_untried_path);
+        self.barred_paths += u32::from(is_at_once);
+        is_at_once
+    }
+
+    /// Returns whether path after path was found here and nothing of any could be driven: the search and the corridor
+    /// disagree about where the vehicle stands.
+    pub(super) fn are_paths_barred(&self) -> bool {
+        self.barred_paths >= BARRED_PATHS_MAX
     }
 
     /// Counts a failure, after which may be looked again; returns how many there are in a row.
@@ -112,6 +124,21 @@ mod tests {
         attempts.find_path(true);
         attempts.drive();
         assert!(!attempts.is_blocked_at_once());
+    }
+
+    #[test]
+    fn paths_are_barred_when_one_after_the_other_is_blocked_at_once_whatever_else_is_given_up() {
+        let mut attempts = Attempts::default();
+        for _ in 0..BARRED_PATHS_MAX {
+            assert!(!attempts.are_paths_barred());
+            attempts.find_path(true);
+            assert!(attempts.is_blocked_at_once());
+            assert!(!attempts.is_blocked_at_once(), "one path counts once");
+            attempts.give_up_way();
+        }
+        assert!(attempts.are_paths_barred());
+        attempts.drive();
+        assert!(!attempts.are_paths_barred());
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub(super) struct Detour<'a> {
     pub passed: Vec<Point>,
     /// Searches without a result so far.
     pub failures: u32,
+    /// Whether nothing could be driven of any path that was found here.
+    pub are_paths_barred: bool,
 }
 
 impl FoundPath {
@@ -79,15 +81,18 @@ impl Detour<'_> {
             .or_else(|| self.far_back())
     }
 
-    /// Something that the map may not show is so near that no other path could be begun: the vehicle first backs off.
+    /// Something that the map may not show is so near that no other path could be begun: the vehicle first backs off, to where
+    /// nothing of that kind is as near. (To a place that is no better it would go back and forth for ever.)
     fn off_an_obstacle(&self) -> Option<FoundPath> {
+        let is_better = |place: &&Point| !self.search.hems_in(**place);
         self.search
-            .is_hemmed_in()
-            .then(|| self.back_to_one_of(self.passed.iter().rev()))
+            .hems_in(self.search.from())
+            .then(|| self.back_to_one_of(self.passed.iter().rev().filter(is_better)))
             .flatten()
     }
 
-    /// To the first corner ahead that can be reached: what the way leads through before may be blocked.
+    /// To the first corner ahead that can be reached: what the way leads through before may be blocked. On the way home nothing
+    /// counts but its end: where an earlier path led through may have no use from here.
     fn onward(&self) -> Option<FoundPath> {
         self.unknown_tries
             .iter()
@@ -95,7 +100,13 @@ impl Detour<'_> {
     }
 
     fn onward_over(&self, unknown_allowed: bool) -> Option<FoundPath> {
-        self.way.ahead().enumerate().find_map(|(index, corner)| {
+        let is_homeward = self.search.is_home(self.way.end()) && self.way.stops().next().is_none();
+        let passed_over = match is_homeward {
+            true => self.way.ahead().count().saturating_sub(1),
+            false => 0,
+        };
+        let mut corners = self.way.ahead().enumerate().skip(passed_over);
+        corners.find_map(|(index, corner)| {
             let points = self.search.path(corner.at, unknown_allowed, self.peers)?;
             Some(FoundPath {
                 found_by: FoundBy::GoingOn,
@@ -119,14 +130,16 @@ impl Detour<'_> {
         })
     }
 
-    /// Again and again nothing was found, or what was found is barred, and no known way home begins here: places drift, and what
-    /// vehicles heard in them closes a gap that it came through.
+    /// Again and again nothing was found, or what was found is barred, and no known way home begins here, or none that can be
+    /// begun: places drift, and what vehicles heard in them closes a gap that it came through.
     fn back_over_own_track(&self) -> Option<FoundPath> {
         let home = self.way.end();
-        if self.failures < OWN_TRACK_AFTER || !self.search.is_home(home) {
+        let is_due = self.failures >= OWN_TRACK_AFTER || self.are_paths_barred;
+        if !is_due || !self.search.is_home(home) {
             return None;
         }
-        let points = self.search.back_over_track(home, self.peers)?;
+        let at_least_m = self.are_paths_barred.then_some(BACK_M);
+        let points = self.search.back_over_track(home, self.peers, at_least_m)?;
         Some(FoundPath {
             found_by: FoundBy::OwnTrack,
             replaces: 0,

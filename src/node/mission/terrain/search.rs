@@ -278,7 +278,13 @@ impl PathSearch<'_> {
 
     /// Returns the way back over the vehicle's own track alone, whatever the map shows there by now, to the first place from which
     /// a goal can be reached over known ground and places driven; `None` when the vehicle is at such a place, or none is near.
-    pub(crate) fn back_over_track(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
+    /// Where no such way can be begun the place lies `at_least_m` away, and the vehicle may stand at another one.
+    pub(crate) fn back_over_track(
+        &self,
+        goal: Point,
+        peers: &[Vec<Point>],
+        at_least_m: Option<f64>,
+    ) -> Option<Vec<Point>> {
         let clear = self.ground(Some(goal), Resolution::Parts, false, peers)?;
         let mut driven = clear.clone();
         driven.open_along(self.driven);
@@ -286,10 +292,14 @@ impl PathSearch<'_> {
         let end = nodes.cell_at(self.end_near(&driven, goal));
         let ways = Distances::from_start(&driven, end, &RULES).ok()?;
         let leads_on = |place: Point| ways.cost_m(nodes.cell_at(place)).is_some();
-        if leads_on(self.pose.at) {
+        if at_least_m.is_none() && leads_on(self.pose.at) {
             return None;
         }
-        let has_room = |place: Point| clear.passable(nodes.cell_at(place)) && leads_on(place);
+        let has_room = |place: Point| {
+            let is_far =
+                at_least_m.is_none_or(|least_m| place.distance_to(self.pose.at) >= least_m);
+            is_far && clear.passable(nodes.cell_at(place)) && leads_on(place)
+        };
         let points = back_over(self.driven, self.pose.at, has_room)?;
         self.keeps_clear(&points, nodes, peers).then_some(points)
     }
@@ -405,12 +415,12 @@ impl PathSearch<'_> {
             .collect()
     }
 
-    /// Returns whether what made the reflex halt is so near that the vehicle must first back off from it.
-    pub(crate) fn is_hemmed_in(&self) -> bool {
+    /// Returns whether what made the reflex halt is so near to a place that a vehicle there must first back off from it.
+    pub(crate) fn hems_in(&self, place: Point) -> bool {
         let near_m = 2.0 * self.settings.lattice.cell_m();
         self.obstacles
             .iter()
-            .any(|obstacle| obstacle.at.distance_to(self.pose.at) < obstacle.keep_m + near_m)
+            .any(|obstacle| obstacle.at.distance_to(place) < obstacle.keep_m + near_m)
     }
 
     fn path_over(

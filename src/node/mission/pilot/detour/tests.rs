@@ -1,5 +1,7 @@
 //! Which path is chosen on small maps that are known within 6.4 m around the datum.
 
+use tomoswarm_proto::StopId;
+
 use super::*;
 use crate::geom::Pose;
 use crate::node::mission::pilot::Unknown;
@@ -16,6 +18,7 @@ struct Rig {
     way: Way,
     unknown: Unknown,
     failures: u32,
+    are_paths_barred: bool,
 }
 
 impl Rig {
@@ -31,6 +34,7 @@ impl Rig {
             way,
             unknown: Unknown::Free,
             failures: 0,
+            are_paths_barred: false,
         }
     }
 
@@ -43,6 +47,7 @@ impl Rig {
             peers: &[],
             passed: self.terrain.passed_lately().collect(),
             failures: self.failures,
+            are_paths_barred: self.are_paths_barred,
         };
         detour.find()
     }
@@ -69,6 +74,16 @@ fn a_corner_that_cannot_be_reached_is_left_out() {
 }
 
 #[test]
+fn on_the_way_home_where_an_earlier_path_led_through_does_not_count() {
+    let corner = Point::new(4.0, 3.0);
+    let home = Rig::new([corner, HOME], |_, _| false);
+    assert_eq!(home.found(), Some((FoundBy::GoingOn, 2, HOME)));
+    let mut plan = Rig::new([corner, corner], |_, _| false);
+    plan.way.append([], HOME, Some(StopId(1)));
+    assert_eq!(plan.found(), Some((FoundBy::GoingOn, 1, corner)));
+}
+
+#[test]
 fn unknown_ground_is_crossed_at_once_as_a_last_resort_or_not_at_all() {
     // The first corner lies in unknown ground, the second one does not.
     let (unknown, known) = (Point::new(8.0, 0.0), Point::new(3.0, 3.0));
@@ -92,6 +107,21 @@ fn a_vehicle_that_is_hemmed_in_backs_off_to_the_nearest_place_before_anything_el
     assert_eq!((found_by, replaces), (FoundBy::BackingOff, 0));
     let away_m = end.distance_to(Point::new(3.0, 0.0));
     assert!((BACK_M..BACK_M + 0.6).contains(&away_m), "{away_m} m");
+}
+
+#[test]
+fn a_vehicle_that_is_hemmed_in_backs_off_to_where_it_is_no_more_or_goes_on() {
+    let mut rig = Rig::new([Point::new(4.0, 3.0), Point::new(5.0, 3.0)], |_, _| false);
+    let now = Time::from_secs_f64(1.0);
+    rig.terrain.note_obstacle(now, obstacle(3.6, 0.0));
+    rig.terrain.note_obstacle(now, obstacle(1.6, 0.8));
+    let (found_by, _, end) = rig.found().unwrap();
+    assert_eq!(found_by, FoundBy::BackingOff);
+    assert!(end.x_m < 1.0, "past the other obstacle: {end}");
+    rig.terrain.note_obstacle(now, obstacle(0.4, 0.8));
+    rig.terrain.note_obstacle(now, obstacle(-0.2, 0.8));
+    let (found_by, _, _) = rig.found().unwrap();
+    assert_eq!(found_by, FoundBy::GoingOn, "all places are as bad");
 }
 
 #[test]
@@ -127,6 +157,10 @@ fn who_is_shut_in_by_what_it_knows_goes_back_over_its_own_track_after_three_fail
         Some(FoundBy::GoingOn),
         "a known way begins here"
     );
+    open.are_paths_barred = true;
+    let (found_by_now, _, end) = open.found().unwrap();
+    assert_eq!(found_by_now, FoundBy::OwnTrack, "that could not be begun");
+    assert!(end.distance_to(Point::new(3.0, 0.0)) >= BACK_M, "{end}");
     let mut other = Rig::new([HOME, Point::new(0.0, 1.0)], is_wall);
     (other.unknown, other.failures) = (Unknown::Barred, OWN_TRACK_AFTER);
     assert_eq!(found_by(&other), None, "home is not the end of the way");
