@@ -27,6 +27,8 @@ pub struct Radio {
     pub rician_k: f64,
     /// Standard deviation of a packet around the link's mean, dB.
     pub packet_sd_db: f64,
+    /// Standard deviation from device to device, of what one sends and of what one reports, dB.
+    pub device_sd_db: f64,
     /// How well a receiver hears.
     pub reception: Reception,
     /// Width of the packet-error curve around the sensitivity, dB.
@@ -118,6 +120,7 @@ impl Keyed for RadioTable<'_> {
             exponent,
             rician_k,
             packet_sd_db,
+            device_sd_db,
             reception,
             sensitivity_slope_db,
             object_limit_db,
@@ -141,6 +144,11 @@ impl Keyed for RadioTable<'_> {
         to.number(
             packet_sd_db,
             Number::new("packet_sd_db", 2.0, 0.0..=20.0, means),
+        );
+        let means = "standard deviation from vehicle to vehicle, of what its radio sends and of what it reports";
+        to.number(
+            device_sd_db,
+            Number::new("device_sd_db", 0.0, 0.0..=10.0, means),
         );
         reception.keys(to);
         let means = "width of the packet-error curve around sensitivity_dbm";

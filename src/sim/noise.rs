@@ -49,6 +49,10 @@ pub enum NoisePurpose {
     PacketDuplicate,
     /// What is read of a byte at another baud rate.
     SerialGarbage,
+    /// How much stronger than others a vehicle's radio sends.
+    TransmitterOffset,
+    /// How much stronger than others a vehicle's radio reports what it receives.
+    ReceiverOffset,
 }
 
 /// The noise of one seed.

@@ -26,6 +26,8 @@ pub struct RadioConstants {
     pub rician_k: f64,
     /// Standard deviation from packet to packet, dB.
     pub packet_sd_db: f64,
+    /// Standard deviation from device to device, of what one sends and of what one reports, dB.
+    pub device_sd_db: f64,
     /// Strength at which half of the packets are lost, dBm.
     pub sensitivity_dbm: f64,
     /// Standard deviation of the threshold that a packet must pass, dB.
@@ -41,6 +43,7 @@ impl Default for RadioConstants {
             wavelength_m: 0.125,
             rician_k: 8.0,
             packet_sd_db: 2.0,
+            device_sd_db: 0.0,
             sensitivity_dbm: -100.0,
             slope_db: 2.0,
         }
@@ -117,16 +120,35 @@ impl RadioField {
             + self.fading_db(packet.from, packet.to, packet.channel)
     }
 
+    /// Returns how much stronger than by the average of all devices a packet from `sender` is that `receiver` reports, dB;
+    /// both are numbers of vehicles.
+    fn devices_db(&self, sender: u64, receiver: u64) -> f64 {
+        let sd_db = self.constants.device_sd_db;
+        if sd_db == 0.0 {
+            return 0.0;
+        }
+        let draw = |purpose, id| self.noise.gaussian(purpose, &[id]);
+        sd_db
+            * (draw(NoisePurpose::TransmitterOffset, sender)
+                + draw(NoisePurpose::ReceiverOffset, receiver))
+    }
+
     /// Returns the strength that the receiver reports, dBm in whole steps, or `None` when the packet is
-    /// lost. `ids` name the packet and its receiver; the same ids give the same noise.
-    pub fn received(&self, packet: &Transmission, attenuation_db: f64, ids: &[u64]) -> Option<i16> {
+    /// lost. `ids` name the sender, its start, the packet, and the receiver; the same ids give the same noise.
+    pub fn received(
+        &self,
+        packet: &Transmission,
+        attenuation_db: f64,
+        ids: [u64; 4],
+    ) -> Option<i16> {
         let Self {
             noise, constants, ..
         } = self;
         let strength_dbm = self.mean_dbm(packet, attenuation_db)
-            + constants.packet_sd_db * noise.gaussian(NoisePurpose::PacketStrength, ids);
+            + self.devices_db(ids[0], ids[3])
+            + constants.packet_sd_db * noise.gaussian(NoisePurpose::PacketStrength, &ids);
         let threshold_dbm = constants.sensitivity_dbm
-            + constants.slope_db * noise.gaussian(NoisePurpose::PacketLoss, ids);
+            + constants.slope_db * noise.gaussian(NoisePurpose::PacketLoss, &ids);
         (strength_dbm >= threshold_dbm)
             .then(|| libm::round(strength_dbm.clamp(-200.0, 100.0)) as i16)
     }
@@ -287,6 +309,33 @@ mod tests {
     }
 
     #[test]
+    fn what_a_device_sends_and_reports_differs_from_device_to_device_and_never_changes() {
+        let mean_of = |seed: u64, sender: u64, receiver: u64| -> f64 {
+            let constants = RadioConstants {
+                device_sd_db: 3.0,
+                packet_sd_db: 0.0,
+                ..RadioConstants::default()
+            };
+            let field = RadioField::new(Noise::new(seed), constants);
+            let rssi_dbm = field
+                .received(&packet(10.0), 0.0, [sender, 1, 1, receiver])
+                .unwrap();
+            f64::from(rssi_dbm) - field.mean_dbm(&packet(10.0), 0.0)
+        };
+        assert_eq!(mean_of(1, 1, 2), mean_of(1, 1, 2));
+        assert!((mean_of(1, 1, 2) - mean_of(1, 2, 1)).abs() > 0.5);
+        // What a sender adds it adds at every receiver: rows differ by the same, but for rounding.
+        let step_db = |receiver: u64| mean_of(1, 1, receiver) - mean_of(1, 2, receiver);
+        assert!((step_db(3) - step_db(4)).abs() <= 2.0);
+        let offsets: Vec<f64> = (1..=400).map(|seed| mean_of(seed, 1, 2)).collect();
+        let square = offsets.iter().map(|offset| offset * offset).sum::<f64>() / 400.0;
+        assert!(
+            (3.8..4.7).contains(&square.sqrt()),
+            "{square}: of 2 × 3² dB²"
+        );
+    }
+
+    #[test]
     fn fading_is_the_same_both_ways_and_every_time() {
         let (first, second) = (field(3), field(3));
         for index in 0..1000 {
@@ -418,7 +467,7 @@ mod tests {
         let (field, packet) = (field(1), packet(10.0));
         let mean_dbm = field.mean_dbm(&packet, 0.0);
         let errors: Vec<f64> = (0..20_000)
-            .filter_map(|id| field.received(&packet, 0.0, &[id]))
+            .filter_map(|id| field.received(&packet, 0.0, [1, 1, id, 2]))
             .map(|rssi| f64::from(rssi) - mean_dbm)
             .collect();
         assert_eq!(errors.len(), 20_000);
@@ -437,7 +486,11 @@ mod tests {
         let share_at = |mean_dbm: f64| {
             let attenuation_db = field.mean_dbm(&packet, 0.0) - mean_dbm;
             (0..10_000)
-                .filter(|id| field.received(&packet, attenuation_db, &[*id]).is_some())
+                .filter(|id| {
+                    field
+                        .received(&packet, attenuation_db, [1, 1, *id, 2])
+                        .is_some()
+                })
                 .count() as f64
                 / 1e4
         };
@@ -463,6 +516,6 @@ mod tests {
             to: Point::new(f64::NAN, 0.0),
             ..packet(1.0)
         };
-        assert_eq!(field(1).received(&lost, 0.0, &[1]), None);
+        assert_eq!(field(1).received(&lost, 0.0, [1, 1, 1, 2]), None);
     }
 }

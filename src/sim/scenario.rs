@@ -558,6 +558,7 @@ fn radio_constants(radio: &config::Radio) -> RadioConstants {
         wavelength_m: radio.wavelength_m(),
         rician_k: radio.rician_k,
         packet_sd_db: radio.packet_sd_db,
+        device_sd_db: radio.device_sd_db,
         sensitivity_dbm: radio.reception.sensitivity_dbm,
         slope_db: radio.sensitivity_slope_db,
     }

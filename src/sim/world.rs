@@ -556,7 +556,7 @@ impl World {
                 power_dbm,
             },
             attenuation_db,
-            &ids,
+            ids,
         )
     }
 }

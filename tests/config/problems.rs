@@ -106,7 +106,7 @@ fn an_unknown_key_names_the_nearest_known_one() {
     check_sim(
         "[radio]\nxyzzy = 1\n",
         &[
-            "configs/a.toml:5: radio.xyzzy: is not known; known here: channel, power_dbm, slot_ms, successor_ms, frequency_hz, p0_dbm, exponent, rician_k, packet_sd_db, sensitivity_dbm, sensitivity_slope_db, object_limit_db",
+            "configs/a.toml:5: radio.xyzzy: is not known; known here: channel, power_dbm, slot_ms, successor_ms, frequency_hz, p0_dbm, exponent, rician_k, packet_sd_db, device_sd_db, sensitivity_dbm, sensitivity_slope_db, object_limit_db",
         ],
     );
     check_sim(
