@@ -140,7 +140,7 @@ impl Walk {
                     };
                     let lost_db = attenuation.between(packet.from, packet.to);
                     let ids = [run, round.into(), receiver.into(), transmitter.into()];
-                    field.received(&packet, lost_db, &ids).unwrap_or(-100)
+                    field.received(&packet, lost_db, ids).unwrap_or(-100)
                 };
                 let heard: Vec<String> =
                     (0..NODES).map(|node| strength(node).to_string()).collect();
