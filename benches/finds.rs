@@ -4,7 +4,7 @@
 //! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each placement, or of those named (default, nobody, wall,
 //!   pair, three, five, weak), from a seed on, on all cores; prints a table, and names the runs in which somebody was missed, or
 //!   nobody was found.
-//! - `… -- 3 1 eight`: three default runs with eight vehicles.
+//! - `… -- 3 1 eight`: three default runs with eight vehicles; `trio`, `trio-nobody`, `trio-weak`: with three vehicles.
 
 #![allow(
     clippy::disallowed_methods,
@@ -36,17 +36,23 @@ fn main() {
         numbers.first().copied().unwrap_or(5),
         numbers.get(1).copied().unwrap_or(1),
     );
-    let eight = ("eight".to_owned(), Placement::Default, 8);
+    let of_more = [
+        ("eight", Placement::Default, 8),
+        ("trio", Placement::Default, 3),
+        ("trio-nobody", Placement::Nobody, 3),
+        ("trio-weak", Placement::Weak, 3),
+    ];
+    let of_more = of_more.map(|(name, placement, vehicles)| (name.to_owned(), placement, vehicles));
     let kinds = PLACEMENTS
         .map(|placement| (placement.to_string(), placement, 2))
         .into_iter()
-        .chain([eight]);
-    let is_wanted = |name: &String| match names.is_empty() {
-        true => name != "eight",
+        .chain(of_more);
+    let is_wanted = |name: &String, vehicles: usize| match names.is_empty() {
+        true => vehicles == 2,
         false => names.contains(&name),
     };
     let mut trials = Vec::new();
-    for (_, placement, vehicles) in kinds.filter(|(name, _, _)| is_wanted(name)) {
+    for (_, placement, vehicles) in kinds.filter(|(name, _, vehicles)| is_wanted(name, *vehicles)) {
         trials.extend((first..first + seeds).map(|seed| FindTrial {
             placement,
             vehicles,

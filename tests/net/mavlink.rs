@@ -14,8 +14,8 @@ use tomoswarm::mavlink::dialect::{
 };
 use tomoswarm::mavlink::frames::{Content, FrameReader, FrameWriter, MavAddress};
 use tomoswarm_proto::{
-    MissionEnd, MissionKind, MissionPhase, MissionRefusal, OrderKind, RunId, Sender, StandReason,
-    VehicleId,
+    MissionEnd, MissionKind, MissionPhase, MissionRefusal, OrderKind, RunEnd, RunId, Sender,
+    StandReason, VehicleId,
 };
 
 use crate::python::run_script;
@@ -84,6 +84,12 @@ fn a_sweep_is_driven_over_mavlink_although_a_link_is_cut_for_five_seconds() {
     });
     swarm.until_end();
     swarm.until_maps_equal(20);
+    // A run is done when its last images are made; a ground station that is ended before makes them at its next start.
+    swarm.until("the images are made", 120, |watch| {
+        let report = watch.report();
+        let mut runs = report.runs.iter();
+        runs.any(|known| known.run == RunId(1) && known.end == Some(RunEnd::Done))
+    });
     swarm.finish();
     check_image(&swarm);
 }
