@@ -100,12 +100,16 @@ impl AcceptArgs {
         }
         let node = Node::of(&self.into, &files)?;
         self.check_service(node.sender)?;
+        let roster = read_limited_bytes(path).map_err(|source| unread(path, source))?;
+        if !Roster::is_titled(&roster) {
+            let reason = "is no roster; a roster.txt that `tomoswarm enroll` wrote is expected, or the folder of one node";
+            return Err(input(path, reason));
+        }
         let identity = Identity {
             roster: path.display().to_string(),
             ..node.identity.clone()
         };
         let trusted = Trusted::read(&identity, node.sender, node.seen(&files)?).map_err(refused)?;
-        let roster = read_limited_bytes(path).map_err(|source| unread(path, source))?;
         let issue = trusted.roster.issue;
         if files.insert(ROSTER.to_owned(), roster.clone()).as_ref() == Some(&roster) {
             return Ok((
@@ -358,8 +362,14 @@ fn text_of(path: &Path, file: Option<&Vec<u8>>) -> Result<String, CliError> {
 /// Returns every file of a folder, without those in folders inside it.
 fn files_in(folder: &Path) -> Result<Files, CliError> {
     let mut files = Files::new();
-    for entry in std::fs::read_dir(folder).map_err(|source| unread(folder, source))? {
-        let entry = entry.map_err(|source| unread(folder, source))?;
+    let unlisted = |error| {
+        input(
+            folder,
+            format!("cannot be read: {error}; the folder of one node is expected"),
+        )
+    };
+    for entry in std::fs::read_dir(folder).map_err(unlisted)? {
+        let entry = entry.map_err(unlisted)?;
         let path = entry.path();
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         let name = entry.file_name().into_string();
@@ -424,9 +434,7 @@ fn unread(path: &Path, source: std::io::Error) -> CliError {
     }
 }
 
-fn unwritten(path: &Path, source: std::io::Error) -> CliError {
-    CliError::Write {
-        path: path.to_owned(),
-        source,
-    }
+fn unwritten(path: &Path, error: std::io::Error) -> CliError {
+    let needed = "sudo is needed, or a folder of yours with --into";
+    input(path, format!("cannot be written: {error}; {needed}"))
 }

@@ -432,12 +432,16 @@ fn roster_advice(swarm: &Swarm, next: &Roster, has_it: impl Fn(Sender) -> bool) 
             continue;
         }
         let hosts = swarm.hosts_of(node);
-        text += &match hosts.iter().find(|host| is_far(host)) {
+        let line = match hosts.iter().find(|host| is_far(host)) {
             Some(host) => {
                 format!("  scp {roster} {host}: && ssh -t {host} sudo tomoswarm accept {ROSTER}\n")
             }
             None => format!("  sudo tomoswarm accept {roster}\n"),
         };
+        // Several nodes of one machine are told once.
+        if !text.contains(&line) {
+            text += &line;
+        }
     }
     if !text.is_empty() {
         text = format!("the others need the new roster, running or not:\n{text}");

@@ -131,12 +131,14 @@ impl NodeConfig {
         let own = match self.node {
             Sender::Ground => {
                 format!(
-                    "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\n{state}",
+                    "kind = \"ground\"\nvenue = \"venue.toml\"\nvehicles = [{}]\n{state}{RECORD}",
                     vehicle_list(&self.vehicles)
                 )
             }
             Sender::Vehicle(id) => {
-                format!("kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\n{state}{DRIVERS}")
+                format!(
+                    "kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\n{state}{DRIVERS}{RECORD}"
+                )
             }
             Sender::Operator(_) => "kind = \"operator\"\nvenue = \"venue.toml\"\n".to_owned(),
         };
@@ -207,6 +209,9 @@ driver = \"sim\"
 connect = \"127.0.0.1:7500\"
 token = \"choose-a-word\"
 ";
+
+/// Eight hours of a sweep at 120 kB/s; recordings give way when a disk is short.
+const RECORD: &str = "[record]\nlimit_mb = 4000\n";
 
 #[cfg(test)]
 mod tests {

@@ -15,8 +15,8 @@ use super::read;
 use crate::config::{self, Config, Endpoint, Protocol, Venue};
 use crate::run::membership::OPERATOR;
 use crate::run::trust::{
-    Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, read_limited,
-    replace_file, write_new_folder,
+    Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, is_private,
+    read_limited, replace_file, write_new_folder,
 };
 
 /// The authority's folder, open and locked.
@@ -48,6 +48,12 @@ impl Swarm {
             path: folder.join(CA_KEY),
             source,
         })?;
+        let key = folder.join(CA_KEY);
+        let is_private = is_private(&key).map_err(|source| CliError::Read { path: key, source })?;
+        if !is_private {
+            let reason = "everyone on this machine can read the private key; chmod 600 it";
+            return Err(refused(CA_KEY, reason.to_owned()));
+        }
         let authority = Authority::open(&text(CA)?, &text(CA_KEY)?)
             .map_err(|error| refused(CA_KEY, error.to_string()))?;
         let roster = Roster::verify(&text(ROSTER)?, authority.certificate())

@@ -5,12 +5,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
+use clap::builder::NonEmptyStringValueParser;
 use tomoswarm_proto::VehicleId;
 
 use super::error::CliError;
 use super::read;
 use super::standard_output::complain;
-use crate::config::{self, Config, Venue};
+use crate::config::{self, Config, Venue, XBEE_BAUDS};
 use crate::hw::xbee_frame::ApiMode;
 use crate::hw::xbee_registers::{Mismatches, ModuleSettings, READ, Registers};
 use crate::hw::xbee_setup::SetupSettings;
@@ -34,7 +35,7 @@ enum XbeeCommand {
 #[derive(clap::Args, Debug)]
 struct SetupArgs {
     /// The serial port, such as /dev/serial/by-id/usb-…
-    #[arg(value_name = "PORT")]
+    #[arg(value_name = "PORT", value_parser = NonEmptyStringValueParser::new())]
     port: String,
     /// The vehicle's number, which becomes the module's address
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
@@ -51,7 +52,7 @@ struct SetupArgs {
     )]
     power_dbm: i8,
     /// Its baud rate from then on
-    #[arg(long, value_name = "B", default_value_t = 115_200)]
+    #[arg(long, value_name = "B", default_value_t = 115_200, value_parser = baud)]
     baud: u32,
 }
 
@@ -59,10 +60,10 @@ struct SetupArgs {
 #[derive(clap::Args, Debug)]
 struct ShowArgs {
     /// The serial port
-    #[arg(value_name = "PORT")]
+    #[arg(value_name = "PORT", value_parser = NonEmptyStringValueParser::new())]
     port: String,
     /// Its baud rate
-    #[arg(long, value_name = "B", default_value_t = 115_200)]
+    #[arg(long, value_name = "B", default_value_t = 115_200, value_parser = baud)]
     baud: u32,
     /// Compare them with what this vehicle's are to be
     #[arg(long, value_name = "N", requires = "venue", value_parser = clap::value_parser!(u8).range(1..=250))]
@@ -136,6 +137,17 @@ impl ShowArgs {
             differences => Err(CliError::Swarm(Mismatches(differences).to_string())),
         }
     }
+}
+
+/// Reads a baud rate that a module can have.
+fn baud(text: &str) -> Result<u32, String> {
+    let given = text.parse().ok();
+    given
+        .filter(|baud| XBEE_BAUDS.contains(baud))
+        .ok_or_else(|| {
+            let known = XBEE_BAUDS.map(|baud| baud.to_string()).join(", ");
+            format!("no module speaks at it; allowed: {known}")
+        })
 }
 
 /// Returns what the module of a vehicle is to say of itself.

@@ -175,6 +175,38 @@ impl Drivers {
         }
         self.check_servo(source, look);
         self.check_ranges(source, look);
+        self.check_devices(source);
+    }
+
+    /// Refuses a port or a line that is named for two devices: this program would take it once, and be in its own way.
+    fn check_devices(&self, source: &Source<'_>) {
+        let mut devices = self.range.devices("range");
+        for (sensor, own) in self.own_range.iter().enumerate() {
+            let own = own.iter();
+            devices.extend(own.flat_map(|own| own.devices(&format!("range.sensor[{sensor}]"))));
+        }
+        let serial = match &self.autopilot {
+            AutopilotDriver::Mavlink(connection) => connection.endpoint.serial_port(),
+            AutopilotDriver::Simulated => None,
+        };
+        let radio = match &self.radio {
+            RadioDriver::Xbee(xbee) => Some(xbee.port.as_str()),
+            RadioDriver::Simulated => None,
+        };
+        for (key, device) in [
+            ("servo.gpio.pin", self.servo.pin()),
+            ("autopilot.mavlink.connection", serial),
+            ("radio.xbee.port", radio),
+        ] {
+            let Some(device) = device.filter(|device| !device.is_empty()) else {
+                continue;
+            };
+            if let Some((other, _)) = devices.iter().find(|(_, other)| other == device) {
+                let wrong = format!("is that of {other}, too");
+                source.refuse(key, &wrong, "one of its own is allowed");
+            }
+            devices.push((key.to_owned(), device.to_owned()));
+        }
     }
 
     /// Checks a servo that hangs on the autopilot: it begins to turn when that has heard of it.

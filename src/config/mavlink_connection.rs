@@ -69,6 +69,16 @@ pub enum MavlinkEndpoint {
 }
 
 impl MavlinkEndpoint {
+    /// Returns the serial port that it is, if it is one.
+    pub(super) fn serial_port(&self) -> Option<&str> {
+        match self {
+            MavlinkEndpoint::Serial(port) => Some(port),
+            MavlinkEndpoint::Tcp(_) | MavlinkEndpoint::UdpIn(_) | MavlinkEndpoint::UdpOut(_) => {
+                None
+            }
+        }
+    }
+
     /// Reads an endpoint; `None` when the text is none.
     pub fn parse(text: &str) -> Option<MavlinkEndpoint> {
         let (kind, place) = text.split_once(':')?;

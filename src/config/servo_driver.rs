@@ -144,6 +144,17 @@ impl ServoDriver {
         }
     }
 
+    /// Returns the pin of this machine that it takes, if it takes one.
+    pub(super) fn pin(&self) -> Option<&str> {
+        match self {
+            ServoDriver::Real(servo) => match &servo.output {
+                ServoOutput::Gpio { pin } => Some(pin),
+                ServoOutput::Pwm { .. } | ServoOutput::Autopilot { .. } => None,
+            },
+            ServoDriver::Simulated | ServoDriver::None => None,
+        }
+    }
+
     /// Returns it in words, for people.
     pub fn in_words(&self) -> String {
         match self {

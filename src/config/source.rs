@@ -16,6 +16,8 @@ use super::{Problem, Problems};
 const LIMIT_BYTES: usize = 1 << 20;
 /// How much of a value is shown in a message, characters.
 const SHOWN_CHARS: usize = 40;
+/// What the reader of TOML says of a key that stands twice; the key itself is the span of the error.
+const DUPLICATE: &str = "duplicate key";
 
 /// Why a problem was noted; decides what is still worth saying when the syntax is broken.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -145,14 +147,13 @@ impl<'t> Source<'t> {
             }
             last_line = line;
             let message = error.message().lines().collect::<Vec<_>>().join(", ");
-            self.note(
-                ProblemClass::Syntax,
-                line,
-                "",
-                "",
-                &format!("no valid TOML: {message}"),
-                "",
-            );
+            let key = error.span().and_then(|span| part.get(span));
+            let (wrong, allowed) = match key.filter(|_| message == DUPLICATE) {
+                Some(key) => (format!("{DUPLICATE} {}", cut(key)), "once is allowed"),
+                None => (message, ""),
+            };
+            let wrong = format!("no valid TOML: {wrong}");
+            self.note(ProblemClass::Syntax, line, "", "", &wrong, allowed);
         }
         tree
     }
@@ -296,14 +297,18 @@ impl<'t> Source<'t> {
 
     /// Returns the text of a value as it stands in the file, on one line and shortened.
     pub(super) fn shown(&self, value: &Spanned<DeValue<'_>>) -> String {
-        let raw = self.raw(value);
-        let printable = raw.chars().map(|c| if c.is_control() { ' ' } else { c });
-        let mut shown: String = printable.clone().take(SHOWN_CHARS).collect();
-        if printable.count() > SHOWN_CHARS {
-            shown.push('…');
-        }
-        shown
+        cut(self.raw(value))
     }
+}
+
+/// Returns the beginning of a text on one line.
+fn cut(text: &str) -> String {
+    let printable = text.chars().map(|c| if c.is_control() { ' ' } else { c });
+    let mut shown: String = printable.clone().take(SHOWN_CHARS).collect();
+    if printable.count() > SHOWN_CHARS {
+        shown.push('…');
+    }
+    shown
 }
 
 /// Returns the path of a file that is named in another one, relative to that one's folder.

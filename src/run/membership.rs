@@ -108,6 +108,7 @@ fn seen_issue(path: &Path) -> Result<Option<u64>, TrustError> {
             return Err(TrustError::Read {
                 path: path.to_owned(),
                 source,
+                needed: "a node needs a folder of its own that it can read (state_dir)",
             });
         }
     };

@@ -36,6 +36,8 @@ const SPREAD: u64 = 1 << 16;
 /// Chance alone: less than any plausible time.
 const SPREAD_ALONE: u64 = 1 << 20;
 
+/// The file that counts the starts that ended by themselves, in a row, to get a later number.
+const EARLY_ENDS: &str = "early-ends";
 /// The size of the file that is deleted when a start cannot be counted, bytes. A disk with a smaller reserve gets none.
 const BALLAST_BYTES: u64 = 1 << 20;
 
@@ -129,7 +131,7 @@ impl StateDir {
         let count_path = path.join("boot");
         let boot = next_boot(&count_path)?;
         let ballast = path.join("reserve");
-        count(&count_path, boot, &ballast).map_err(io(&count_path))?;
+        count(&count_path, boot.0, &ballast).map_err(io(&count_path))?;
         lay_by(&ballast);
         Ok(StateDir {
             path: path.to_owned(),
@@ -144,14 +146,12 @@ impl StateDir {
         self.boot
     }
 
-    /// Lets the next start come after this one and after another.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    pub(super) fn count_on(&self, boot: Boot) -> Result<(), StateDirError> {
-        let path = self.join("boot");
-        let counted = count(&path, self.boot.max(boot), &self.join("reserve"));
-        counted.map_err(|source| StateDirError::Io { path, source })
+    /// Returns what it counts of its starts, for who may change that.
+    pub(super) fn counts(&self) -> StartCounts {
+        StartCounts {
+            folder: self.path.clone(),
+            boot: self.boot,
+        }
     }
 
     /// Returns the path of something in the folder.
@@ -180,9 +180,52 @@ impl StateDir {
     }
 }
 
-/// Counts a start; a disk that is full has the ballast's room for it.
-fn count(path: &Path, boot: Boot, ballast: &Path) -> io::Result<()> {
-    let text = format!("{boot}\n");
+/// What a folder counts of its starts. Only a node that has the folder may have it.
+#[derive(Debug)]
+pub(super) struct StartCounts {
+    folder: PathBuf,
+    boot: Boot,
+}
+
+impl StartCounts {
+    /// Returns which start this is.
+    pub(super) fn boot(&self) -> Boot {
+        self.boot
+    }
+
+    /// Lets the next start come after this one and after another.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn count_on(&self, boot: Boot) -> Result<(), StateDirError> {
+        self.keep("boot", self.boot.max(boot).0)
+    }
+
+    /// Returns how many starts before this one ended by themselves, in a row, to get a later number. A damaged file counts
+    /// as none: it only bounds a row.
+    pub(super) fn early_ends(&self) -> u32 {
+        let text = fs::read_to_string(self.folder.join(EARLY_ENDS)).unwrap_or_default();
+        text.trim().parse().unwrap_or(0)
+    }
+
+    /// Keeps that number.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn keep_early_ends(&self, ends: u32) -> Result<(), StateDirError> {
+        self.keep(EARLY_ENDS, ends)
+    }
+
+    fn keep(&self, name: &str, number: u32) -> Result<(), StateDirError> {
+        let path = self.folder.join(name);
+        let counted = count(&path, number, &self.folder.join("reserve"));
+        counted.map_err(|source| StateDirError::Io { path, source })
+    }
+}
+
+/// Writes a number; a disk that is full has the ballast's room for it.
+fn count(path: &Path, number: u32, ballast: &Path) -> io::Result<()> {
+    let text = format!("{number}\n");
     match replace(path, &text) {
         Err(error) if error.kind() == io::ErrorKind::StorageFull && ballast.exists() => {
             fs::remove_file(ballast)?;
@@ -309,11 +352,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let state = StateDir::open(folder.path()).unwrap();
         let first = state.boot();
-        state.count_on(Boot(first.0 + 1000)).unwrap();
+        state.counts().count_on(Boot(first.0 + 1000)).unwrap();
         drop(state);
         let state = StateDir::open(folder.path()).unwrap();
         assert_eq!(state.boot(), Boot(first.0 + 1001));
-        state.count_on(first).unwrap();
+        state.counts().count_on(first).unwrap();
         drop(state);
         assert_eq!(
             StateDir::open(folder.path()).unwrap().boot(),

@@ -134,6 +134,7 @@ struct Edge {
     memory: MemoryDriver,
     stops: StopsDriver,
     last: Arc<Mutex<Last>>,
+    later: Arc<LaterStart>,
     node: LiveVehicle,
     machine: Machine,
     clock: Clock,
@@ -151,6 +152,7 @@ impl Edge {
             }
             Effect::Publish(message) => {
                 if let Message::State(state) = message {
+                    self.later.say(state.sequence);
                     let mut last = lock(&self.last);
                     (last.state, last.state_at) = (Some(state.clone()), Some(self.clock.now()));
                     last.not_armed.take_if(|_| state.is_armed);
@@ -165,7 +167,10 @@ impl Edge {
                 }
                 tracing::info!("{note}");
             }
-            Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
+            Effect::Keep(run, sample) => {
+                self.later.measure(*run, sample.sequence);
+                self.outbox.keep(*run, *sample);
+            }
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),
             Effect::Recall { after } => self.outbox.recall(*after),
             Effect::Remember(memory) => self.memory.remember(*memory),
@@ -205,13 +210,17 @@ pub fn run(
     )?;
     let node = LiveVehicle::default();
     let told = node.clone();
-    let later = Arc::new(LaterStart::of(file.id, state_dir.boot(), process.context()));
-    let listening = later.clone();
+    let later = Arc::new(LaterStart::of(
+        file.id,
+        state_dir.counts(),
+        process.context(),
+    ));
+    let (listening, clock) = (later.clone(), process.context().clock);
     let mut roster = RosterWatch::begin(sender, &file.venue, &file.bus, &state_dir);
     let access = roster.access()?;
     let bus = membership::bus_settings(sender, &file.venue, &file.bus, access);
     let mut member = process.join(bus, hello, move |sender, message| {
-        listening.hear(&message);
+        listening.hear(clock.now(), &message);
         told.tell(Event::Bus(sender, message))
     })?;
     // Nothing is driven by a node that may not take part.
@@ -219,9 +228,8 @@ pub fn run(
         member.close();
         return Ok(finish);
     }
-    later.join();
+    later.join(clock.now());
     let last = Arc::new(Mutex::<Last>::default());
-    let clock = process.context().clock;
     let told = node.clone();
     let told: EventSink = Arc::new(move |event| told.tell(event));
     let devices = VehicleDevices::start(file, state_dir.boot(), clock, &told)?;
@@ -236,6 +244,7 @@ pub fn run(
         memory,
         stops,
         last,
+        later: later.clone(),
         node: node.clone(),
         machine: Machine::watch(Path::new("/"))?,
         clock,
@@ -262,6 +271,7 @@ pub fn run(
         edge.watch_disk(troubles);
         watch_folder(&state_dir, troubles);
         watch_recorder(recorder.as_ref(), troubles);
+        later.settle(now);
         let known = troubles.list();
         if now.since(said_at) >= HEALTH_EVERY || known != said {
             (said_at, said) = (now, known);
@@ -288,7 +298,7 @@ pub fn run(
     // Nobody else holds them: what is not on disk yet is written now.
     drop((edge, recorder));
     member.close();
-    later.count(&state_dir);
+    later.count();
     Ok(finish)
 }
 

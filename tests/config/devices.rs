@@ -464,6 +464,32 @@ fn range_sensors_of_several_kinds_are_read_each_by_its_own_driver() {
 }
 
 #[test]
+fn a_port_or_a_line_is_of_one_device() {
+    let pin = "servo.gpio.pin = \"GPIO24\"\n";
+    check_one(
+        &turned("hcsr04", "gpio", &format!("{ECHO}{pin}")),
+        &["servo.gpio.pin = \"GPIO24\": is that of range.hcsr04.echo, too"],
+    );
+    let xbee = |port: &str| {
+        let text = serial(&format!("radio.xbee.port = \"{port}\"\n"));
+        text.replace("radio.driver = \"sim\"", "radio.driver = \"xbee\"")
+    };
+    check_one(
+        &xbee("/dev/ttyUSB0"),
+        &["radio.xbee.port = \"/dev/ttyUSB0\": is that of range.serial-text.port, too"],
+    );
+    let flown = |radio_port: &str| {
+        let autopilot = "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"serial:/dev/ttyACM0\"";
+        xbee(radio_port).replace("autopilot.driver = \"sim\"", autopilot)
+    };
+    check_one(
+        &flown("/dev/ttyACM0"),
+        &["radio.xbee.port = \"/dev/ttyACM0\": is that of autopilot.mavlink.connection, too"],
+    );
+    check_written(&vehicle(&flown("/dev/ttyUSB1")));
+}
+
+#[test]
 fn a_lidar_is_told_its_port_and_looks_no_farther_than_it_can() {
     for (name, sensor, farthest_m) in [
         ("tf-luna", TfSensor::Luna, 8),

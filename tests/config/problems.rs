@@ -87,8 +87,8 @@ fn a_broken_line_does_not_hide_the_mistakes_of_others() {
     check_sim(
         "[vehicles]\ncount = 2\ncount = 3\n[vehicles]\n",
         &[
-            "configs/a.toml:6: no valid TOML: duplicate key",
-            "configs/a.toml:7: no valid TOML: duplicate key",
+            "configs/a.toml:6: no valid TOML: duplicate key count; once is allowed",
+            "configs/a.toml:7: no valid TOML: duplicate key vehicles; once is allowed",
         ],
     );
 }

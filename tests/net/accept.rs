@@ -215,6 +215,25 @@ fn what_belongs_elsewhere_is_refused_and_changes_nothing() {
     );
     machine.refuses("swarm", "is the folder of the authority");
     machine.refuses("gone", "cannot be read");
+    machine.refuses(
+        "swarm/venue.toml",
+        "swarm/venue.toml: is no roster; a roster.txt",
+    );
+    fs::create_dir(machine.path("empty")).unwrap();
+    machine.refuses("empty", "the folder of one node is expected");
+    for (into, part) in [
+        (
+            "swarm/roster.txt",
+            "swarm/roster.txt: cannot be read: Not a directory",
+        ),
+        ("/proc/nowhere", "/proc/nowhere: cannot be written: "),
+        ("/proc/nowhere", "a folder of yours with --into"),
+    ] {
+        let words = format!("accept swarm/vehicle-1 --into {into}");
+        let (code, printed) = tomoswarm(machine.folder.path(), &words);
+        assert_eq!(code, 2, "{into}: {printed}");
+        assert!(printed.contains(part), "{part} is missing in: {printed}");
+    }
     good(machine.folder.path(), "other --venue VENUE vehicle 1");
     machine.refuses("other/vehicle-1", "is of another swarm");
     // Each of these is wrong in one file.
@@ -246,7 +265,8 @@ fn what_belongs_elsewhere_is_refused_and_changes_nothing() {
     );
     machine.refuses("venue", "all nodes of a swarm share one venue");
     fs::remove_file(copy("torn").join("key.pem")).unwrap();
-    machine.refuses("torn", "cannot be read");
+    machine.refuses("torn", "torn/key.pem: cannot be read");
+    machine.refuses("torn", "`tomoswarm enroll` writes it");
     replace(&copy("id").join("vehicle.toml"), "id = 1", "id = 3");
     machine.refuses("id", "is of vehicle-3, but etc/node is of vehicle-1");
     replace(

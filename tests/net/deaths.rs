@@ -115,6 +115,27 @@ fn a_vehicle_with_an_old_folder_starts_above_all_that_the_others_know_of_it() {
 }
 
 #[test]
+fn a_vehicle_whose_folder_repeats_a_number_gives_it_up_for_the_next() {
+    let mut swarm = two();
+    swarm.begin();
+    swarm.until_samples(100);
+    swarm.kill("vehicle-2");
+    // As if the card had been restored from a copy of the start before: this one counts the number of the last again.
+    swarm.write("state-2/boot", &format!("{}\n", start(1).0 - 1));
+    swarm.restart(vehicle(2));
+    let (code, said) = swarm.ended("vehicle-2", Duration::from_secs(20));
+    assert_eq!(code, Some(1), "{said}");
+    let reason = format!("others know of start {} of this vehicle what", start(1));
+    assert!(said.contains(&reason), "{said}");
+    swarm.restart(vehicle(2));
+    swarm.until("it is back", 30, |watch| {
+        let state = watch.view.state(VehicleId(2));
+        state.is_some_and(|state| state.value.boot == start(2))
+    });
+    swarm.finish();
+}
+
+#[test]
 fn a_ground_that_dies_goes_on_with_its_run() {
     let mut swarm = two();
     swarm.begin();

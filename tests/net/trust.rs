@@ -385,6 +385,11 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
         panic!("no vehicle")
     };
     assert_eq!(rover.bus.connect[0].to_string(), "tls/ground.local:7447");
+    assert_eq!(
+        (ground.record.limit_mb, rover.record.limit_mb),
+        (4000, 4000),
+        "a day in the field"
+    );
     let Ok(Config::Operator(operator)) = read(&swarm.join("operator-1/operator.toml")) else {
         panic!("no operator")
     };
@@ -458,6 +463,14 @@ fn a_node_is_enrolled_once_replaced_and_revoked() {
         "swarm --venue VENUE vehicle 3",
         "vehicle-3.1 is enrolled already; give --replace",
     );
+    let ca_key = root.join("swarm/ca-key.pem");
+    fs::set_permissions(&ca_key, fs::Permissions::from_mode(0o644)).unwrap();
+    bad(
+        root,
+        "swarm --venue VENUE vehicle 4",
+        "swarm/ca-key.pem: everyone on this machine can read the private key",
+    );
+    fs::set_permissions(&ca_key, fs::Permissions::from_mode(0o600)).unwrap();
     let (swarm, own) = (root.join("swarm"), root.join("swarm/vehicle-3"));
     let written = fs::read_to_string(own.join("vehicle.toml")).unwrap();
     let edited = written.replace("egress_kb_per_s = 64.0", "egress_kb_per_s = 100.0");

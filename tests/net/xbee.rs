@@ -132,6 +132,14 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
     });
     for (words, code, part) in [
         ("show ports/nobody", 1, "ports/nobody: No such file"),
+        ("show ports/nobody", 1, "a serial port is needed"),
+        ("show ", 2, "a value is required for '<PORT>'"),
+        ("show ports/nobody --baud 12345", 2, "allowed: 1200, 2400"),
+        (
+            "setup ports/nobody --vehicle 1 --venue venue.toml --baud 0",
+            2,
+            "no module speaks at it",
+        ),
         ("show venue.toml", 1, "it is no serial port"),
         ("show ports", 1, "ports: it is a directory, no serial port"),
         (

@@ -45,6 +45,12 @@ pub(super) fn in_words(error: &io::Error) -> String {
         io::ErrorKind::WouldBlock | io::ErrorKind::ResourceBusy => {
             "another program uses it".to_owned()
         }
+        io::ErrorKind::NotFound => {
+            format!("{error}; a serial port is needed (ls /dev/serial/by-id)")
+        }
+        io::ErrorKind::PermissionDenied => {
+            format!("{error}; who is in its group may open it (mostly dialout)")
+        }
         io::ErrorKind::IsADirectory => "it is a directory, no serial port".to_owned(),
         io::ErrorKind::UnexpectedEof => "it has gone".to_owned(),
         _ if error.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => {

@@ -213,6 +213,14 @@ impl Lock {
     }
 }
 
+/// Returns whether only its owner and its group can read a file; where files have no modes, whoever has the stick has it.
+///
+/// # Errors
+/// It is not there.
+pub fn is_private(path: &Path) -> io::Result<bool> {
+    Ok(!has_modes(path)? || !is_open_to_others(path)?)
+}
+
 /// Returns whether a file can be read by users who are neither its owner nor of its group.
 pub(super) fn is_open_to_others(path: &Path) -> io::Result<bool> {
     Ok(fs::metadata(path)?.mode() & 0o007 != 0)

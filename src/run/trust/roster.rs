@@ -79,6 +79,11 @@ pub enum RosterError {
 }
 
 impl Roster {
+    /// Returns whether a file begins as a roster does, whoever has signed it.
+    pub fn is_titled(file: &[u8]) -> bool {
+        file.starts_with(TITLE.as_bytes())
+    }
+
     /// Reads a roster that the authority has signed.
     ///
     /// # Errors

@@ -21,16 +21,21 @@ pub struct Trusted {
     pub roster: Roster,
 }
 
+/// What a file of a node is needed as.
+const ENROLLED: &str = "`tomoswarm enroll` writes it, for the user of the service";
+
 /// Why a node may not join with its files.
 #[derive(Debug, thiserror::Error)]
 pub enum TrustError {
     /// A file cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; {needed}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// Why.
         source: std::io::Error,
+        /// What is needed there.
+        needed: &'static str,
     },
     /// A certificate is refused.
     #[error("{}: the certificate {source}", path.display())]
@@ -165,6 +170,7 @@ fn read_text(path: &str) -> Result<String, TrustError> {
     read_limited(Path::new(path)).map_err(|source| TrustError::Read {
         path: path.into(),
         source,
+        needed: ENROLLED,
     })
 }
 
@@ -208,6 +214,7 @@ fn check_key(path: &Path, certificate: &Certificate, is_brought: bool) -> Result
     let unreadable = |source| TrustError::Read {
         path: path.to_owned(),
         source,
+        needed: ENROLLED,
     };
     let is_without_modes = is_brought && !has_modes(path).map_err(unreadable)?;
     if !is_without_modes && is_open_to_others(path).map_err(unreadable)? {

@@ -29,7 +29,7 @@ impl RppalPwm {
         let number: Option<u8> = name
             .strip_prefix("GPIO")
             .and_then(|number| number.parse().ok());
-        let number = number.ok_or("no GPIO line has this name")?;
+        let number = number.ok_or("no GPIO line has this name; GPIO0 to GPIO27 is needed")?;
         if let Some(channel) = channel(number, machine.soc())
             && let Ok(mut pwm) = Pwm::new(channel)
         {

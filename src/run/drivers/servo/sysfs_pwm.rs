@@ -21,6 +21,22 @@ pub(super) struct Chip {
     pub(super) channel: usize,
 }
 
+impl Chip {
+    /// Returns in words that it has no such channel, and which it has.
+    fn without_channel(&self) -> String {
+        let count = std::fs::read_to_string(self.folder.join("npwm"));
+        let last = count
+            .ok()
+            .and_then(|count| count.trim().parse::<usize>().ok()?.checked_sub(1));
+        let has = last.map(|last| format!("; it has 0 to {last}"));
+        format!(
+            "it has no channel {}{}",
+            self.channel,
+            has.unwrap_or_default()
+        )
+    }
+}
+
 /// Who takes what is written.
 pub(super) enum Files {
     /// The kernel.
@@ -55,7 +71,11 @@ struct Failed {
 
 impl From<Failed> for String {
     fn from(failed: Failed) -> String {
-        format!("{}: {}", failed.file.display(), failed.error)
+        let help = match failed.error.kind() {
+            io::ErrorKind::PermissionDenied => "; who is in its group may write it (mostly gpio)",
+            _ => "",
+        };
+        format!("{}: {}{help}", failed.file.display(), failed.error)
     }
 }
 
@@ -81,7 +101,13 @@ impl SysfsPwm {
                 // Somebody else was faster.
                 Err(failed) if failed.error.kind() == io::ErrorKind::ResourceBusy => {}
                 Err(failed) if failed.error.kind() == io::ErrorKind::InvalidInput => {
-                    return Err(format!("it has no channel {}", chip.channel));
+                    return Err(chip.without_channel());
+                }
+                Err(failed) if failed.error.kind() == io::ErrorKind::NotFound => {
+                    return Err(
+                        "it is no PWM chip; a folder such as /sys/class/pwm/pwmchip0 is needed, which has a file `export`"
+                            .to_owned(),
+                    );
                 }
                 other => other?,
             }

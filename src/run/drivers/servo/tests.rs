@@ -91,6 +91,7 @@ impl PwmFolder {
         let chip = folder.path().join("pwmchip0");
         std::fs::create_dir(&chip).unwrap();
         std::fs::write(chip.join("export"), "").unwrap();
+        std::fs::write(chip.join("npwm"), "1\n").unwrap();
         let recorder = Recorder::default();
         recorder.0.lock().unwrap().refused.extend(refused);
         let pulses = Pulses::new(&real(&chip, 1), &look()).unwrap();
@@ -195,9 +196,9 @@ fn what_somebody_has_left_in_a_channel_is_undone() {
 fn a_chip_without_the_channel_is_named_and_a_servo_that_comes_back_gets_its_pulse() {
     let pwm = PwmFolder::new(&[("export", io::ErrorKind::InvalidInput)]);
     pwm.until("a trouble", |pwm| {
-        pwm.servo
-            .trouble()
-            .is_some_and(|trouble| trouble.contains("pwmchip0: it has no channel 1"))
+        pwm.servo.trouble().is_some_and(|trouble| {
+            trouble.ends_with("pwmchip0: it has no channel 1; it has 0 to 0")
+        })
     });
     pwm.servo.steer(Angle::from_degrees(45.0));
     pwm.until_written("duty_cycle 1750000");
@@ -215,7 +216,8 @@ fn a_folder_that_is_no_chip_is_named() {
         let driver = ServoDriver::Real(real(&chip, 0));
         let servo = Servo::start(&driver, &look()).unwrap();
         let began = Instant::now();
-        let named = |trouble: String| trouble.contains("export: No such file");
+        let place = format!("{}: it is no PWM chip", chip.display());
+        let named = |trouble: String| trouble.starts_with(&place) && trouble.contains("`export`");
         while !servo.trouble().is_some_and(named) {
             assert!(began.elapsed() < SOON, "{:?}", servo.trouble());
             std::thread::sleep(Duration::from_millis(2));

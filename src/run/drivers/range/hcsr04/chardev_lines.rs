@@ -55,7 +55,9 @@ impl OutputLine {
 fn the_only<'l>(name: &str, all: &'l [FoundLine]) -> Result<&'l FoundLine, String> {
     let found: Vec<&FoundLine> = all.iter().filter(|line| line.info.name == name).collect();
     match found[..] {
-        [] => Err(format!("{name}: no GPIO line has this name")),
+        [] => Err(format!(
+            "{name}: no GPIO line has this name; one that `gpioinfo` lists is needed"
+        )),
         [line] => Ok(line),
         [..] => {
             let place = |line: &&FoundLine| format!("{} {}", line.chip.display(), line.info.offset);
@@ -83,7 +85,9 @@ impl ChardevLines {
     /// In words: a line is not there, its name is that of several, or it is in use.
     pub(super) fn open(lines: &HcSr04Lines) -> Result<ChardevLines, String> {
         let all: Vec<FoundLine> = gpiocdev::lines()
-            .map_err(|error| error.to_string())?
+            .map_err(|error| {
+                format!("{error}; a /dev/gpiochip… is needed that this user may open (mostly group gpio)")
+            })?
             .collect();
         let line = |name: &str| the_only(name, &all);
         let echo = line(&lines.echo)?;
@@ -168,7 +172,9 @@ mod tests {
         assert_eq!(the_only("GPIO23", &all), Ok(&all[0]));
         assert_eq!(
             the_only("GPIO2", &all),
-            Err("GPIO2: no GPIO line has this name".to_owned())
+            Err(
+                "GPIO2: no GPIO line has this name; one that `gpioinfo` lists is needed".to_owned()
+            )
         );
         assert_eq!(
             the_only("GPIO24", &all),

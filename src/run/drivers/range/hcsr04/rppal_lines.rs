@@ -33,7 +33,9 @@ impl RppalLines {
             let number = name
                 .strip_prefix("GPIO")
                 .and_then(|number| number.parse().ok());
-            let number = number.ok_or_else(|| format!("{name}: no GPIO line has this name"))?;
+            let number = number.ok_or_else(|| {
+                format!("{name}: no GPIO line has this name; GPIO0 to GPIO27 is needed")
+            })?;
             gpio.get(number).map_err(|error| format!("{name}: {error}"))
         };
         let mut echo = pin(&lines.echo)?.into_input();
