@@ -58,6 +58,7 @@ GET /metrics answers Prometheus (Authorization: Bearer TOKEN, the token of one o
 Examples:
   tomoswarm dash operator.toml                        then open one of the links
   tomoswarm dash operator.toml --port 0               on any free port
+  tomoswarm dash operator.toml --store ground.sqlite  beside the ground station's store: pages save whole runs
   tomoswarm dash --replay run/flight                  a recording: of each node what it said, at any moment and speed
   tomoswarm dash operator.toml --listen 0.0.0.0       for a tablet: its browser must be given the swarm's ca.pem
   ssh -L 8377:127.0.0.1:8377 ground                   the page of a ground station's machine, from elsewhere

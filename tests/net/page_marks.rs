@@ -126,6 +126,7 @@ fn before_the_last(browser: &mut Browser) {
         browser.until(&has, 10);
     }
     let of_mark = "tomoswarm.model.markers.filter((mark) => mark.kind === 'mark' && mark.text.startsWith('run 1: marked'))";
+    browser.until(&format!("{of_mark}.length >= 3"), 20);
     browser.eval(&format!(
         "tomoswarm.time.goTo({of_mark}[1].at_s - 0.2, 0); 0"
     ));

@@ -245,41 +245,45 @@ fn a_history_of_little_room_forgets_its_beginning_and_stays_within_it() {
     assert!(history.markers().len() > 20);
 }
 
-#[test]
-fn where_somebody_was_marked_stays_in_a_thinned_history_and_what_is_said_again_takes_no_room() {
-    let (mut history, mut present) = (History::new(400 << 10), board());
-    history
-        .tell(at(0.0), &mut present, &mark(1, true, true))
-        .unwrap();
-    let bytes = history.bytes();
+/// Ten minutes of states, a mark at their beginning that is said on for a while, and that it is taken back in their middle.
+fn ten_minutes_with_a_mark(bytes_max: usize) -> History {
+    let (mut history, mut present) = (History::new(bytes_max), board());
+    let mut tell = |at_s: f64, input: BoardInput| {
+        history.tell(at(at_s), &mut present, &input).unwrap();
+        history.bytes()
+    };
+    let bytes = tell(0.0, mark(1, true, true));
     for tick in 1..100 {
-        let now = at(f64::from(tick) / 5.0);
-        history
-            .tell(now, &mut present, &mark(1, true, false))
-            .unwrap();
+        let after = tell(f64::from(tick) / 5.0, mark(1, true, false));
+        assert_eq!(after, bytes, "it is stored already");
     }
-    assert_eq!(history.bytes(), bytes, "it is stored already");
     for tick in 0..60_000_u64 {
-        let now = at(30.0 + tick as f64 / 100.0);
-        let state = state_of((tick % 5) as u8 + 1, tick, false);
-        history.tell(now, &mut present, &state).unwrap();
+        let at_s = 30.0 + tick as f64 / 100.0;
+        tell(at_s, state_of((tick % 5) as u8 + 1, tick, false));
         if tick == 30_000 {
-            history
-                .tell(now, &mut present, &mark(1, false, true))
-                .unwrap();
+            tell(at_s, mark(1, false, true));
         }
     }
-    let (from, _) = history.span().unwrap();
-    assert!(from < at(300.0), "{from}");
-    let known = |moment_s: f64| {
-        told_again(&history, at(moment_s), 5000)
-            .marks()
-            .known()
-            .count()
-    };
-    assert_eq!((known(320.0), known(331.0), known(600.0)), (1, 0, 0));
-    let kinds: Vec<EventKind> = history.markers().iter().map(|marker| marker.kind).collect();
-    assert_eq!(kinds, [EventKind::Mark, EventKind::Mark]);
+    history
+}
+
+#[test]
+fn where_somebody_was_marked_stays_in_a_thinned_history_and_what_is_said_again_takes_no_room() {
+    let whole = ten_minutes_with_a_mark(usize::MAX);
+    let thinned = ten_minutes_with_a_mark(whole.bytes() / 2);
+    assert!(thinned.bytes() < whole.bytes() * 3 / 4);
+    assert_eq!(thinned.span(), whole.span());
+    for history in [&whole, &thinned] {
+        let known = |moment_s: f64| {
+            let board = told_again(history, at(moment_s), 5000);
+            board.marks().known().count()
+        };
+        let counts = [20.0, 320.0, 331.0, 600.0].map(known);
+        assert_eq!(counts, [1, 1, 0, 0]);
+        let kinds = history.markers().iter().map(|marker| marker.kind);
+        let of_marks = kinds.filter(|kind| *kind == EventKind::Mark).count();
+        assert_eq!(of_marks, 2);
+    }
 }
 
 #[test]
