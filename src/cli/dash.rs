@@ -40,8 +40,8 @@ pub struct DashArgs {
     /// The port of the page; 0 = any that is free
     #[arg(long, value_name = "PORT", default_value_t = PAGE_PORT)]
     pub port: u16,
-    /// The ground station's store on this machine (state_dir/ground.sqlite), of which pages save runs, as `tomoswarm export` does;
-    /// `ground --dash` names its own [default: pages save what this program has heard]
+    /// The ground station's store on this machine (state_dir/ground.sqlite), of which pages save runs, as `tomoswarm export`
+    /// does; `ground --dash` names its own [default: pages save what this program has heard]
     #[arg(long, value_name = "STORE", conflicts_with = "replay")]
     pub store: Option<PathBuf>,
     /// Serve the files of this folder instead of those that are built in; for whoever works on the page

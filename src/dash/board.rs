@@ -1,5 +1,6 @@
 //! The newest of everything that is shown: the fleet, the merged map, plans, images, who hears whom, the ground station, where
-//! somebody truly stands, what happened, how orders fared. It is told what came over the bus and says what has changed; of the map it asks for what it lacks, as every map does.
+//! somebody truly stands, what happened, how orders fared. It is told what came over the bus and says what has changed; of the
+//! map it asks for what it lacks, as every map does.
 //!
 //! It knows no page and no bytes. What is shown of a subject is made when it is sent, so a page never gets what is old.
 

@@ -1,8 +1,8 @@
 //! What happened: a list of lines made of what nodes say anew of themselves, and of orders with how they fared. Bounded; the
 //! oldest go first.
 //!
-//! It keeps no messages and judges nothing: a line says what has changed between two messages of one node. Lines of orders, images
-//! and marks are its caller's, who knows what of them is new.
+//! It keeps no messages and judges nothing: a line says what has changed between two messages of one node. Lines of orders,
+//! images and marks are its caller's, who knows what of them is new.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,5 @@
-//! What lies where on the earth, as GeoJSON: what `tomoswarm export` and the operator's page write. Gives text, and writes no files.
+//! What lies where on the earth, as GeoJSON: what `tomoswarm export` and the operator's page write. Gives text, and writes no
+//! files.
 
 use serde_json::{Value, json};
 

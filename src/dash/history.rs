@@ -3,8 +3,8 @@
 //!
 //! It is bounded. When it has grown too large the oldest parts are thinned: of what replaces itself (a state, a tile, …) only the
 //! last of each second is kept, then of each ten seconds, then of each minute, and then the oldest part goes. What made an
-//! event, and all orders, marks and images, stay as long as their part does. A moment of a thinned part is shown as it was at most
-//! that much earlier, its plans ten times that.
+//! event, and all orders, marks and images, stay as long as their part does. A moment of a thinned part is shown as it was at
+//! most that much earlier, its plans ten times that.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;

@@ -1,8 +1,8 @@
 //! The links that were measured, run by run, for whoever asks what made a pixel: samples are pooled as the ground station pools them,
 //! each once. It knows those that this server has heard; a server that began in the middle of a run lacks what came before.
 //!
-//! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the samples
-//! themselves are kept as long as there is room ([`SampleBook`]).
+//! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the
+//! samples themselves are kept as long as there is room ([`SampleBook`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -148,8 +148,8 @@ impl OrderRequest {
         }))
     }
 
-    /// Judges a mission by what a ground station says, if one is heard: it plans sweeps, and compares with a run that is over and
-    /// of which it has samples. It names its last runs only: an earlier one is taken as it is.
+    /// Judges a mission by what a ground station says, if one is heard: it plans sweeps, and compares with a run that is over
+    /// and of which it has samples. It names its last runs only: an earlier one is taken as it is.
     ///
     /// # Errors
     /// What the mission lacks, in words.

@@ -1,5 +1,5 @@
-//! The samples that were heard, run by run and packed, for whoever saves them. Bounded: when there is no room the samples of the
-//! oldest run go, and of a run that fills all of it those that come then are left out.
+//! The samples that were heard, run by run and packed, for whoever saves them. Bounded: when there is no room the samples of
+//! the oldest run go, and of a run that fills all of it those that come then are left out.
 
 use std::collections::BTreeMap;
 

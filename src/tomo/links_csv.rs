@@ -1,4 +1,5 @@
-//! Links as CSV, a line each: what `tomoswarm sim`, `tomoswarm export` and the operator's page write, and `tomoswarm image` reads.
+//! Links as CSV, a line each: what `tomoswarm sim`, `tomoswarm export` and the operator's page write, and `tomoswarm image`
+//! reads.
 
 use std::fmt::Write;
 
@@ -8,8 +9,8 @@ use super::Link;
 pub const LINKS_HEADER: &str =
     "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
 
-/// Returns a file of links: the header, then one line per link, with an empty `rssi_dbm` where no packet was heard. Every number
-/// is written to its last digit, so that the links read are the links written.
+/// Returns a file of links: the header, then one line per link, with an empty `rssi_dbm` where no packet was heard. Every
+/// number is written to its last digit, so that the links read are the links written.
 pub fn links_csv(links: &[Link]) -> String {
     let mut text = format!("{LINKS_HEADER}\n");
     for link in links {

@@ -1,5 +1,5 @@
-//! Samples as CSV, one beacon heard or missed a line: what `tomoswarm sim --samples`, `tomoswarm export` and the operator's page
-//! write, and `tomoswarm image` reads.
+//! Samples as CSV, one beacon heard or missed a line: what `tomoswarm sim --samples`, `tomoswarm export` and the operator's
+//! page write, and `tomoswarm image` reads.
 
 use std::fmt::Write;
 

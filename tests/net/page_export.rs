@@ -1,5 +1,5 @@
-//! The files of a run, saved from the operator's page: of a ground station's store as `tomoswarm export` writes them, and of what
-//! was heard where there is none; and missions of QGroundControl, there and back.
+//! The files of a run, saved from the operator's page: of a ground station's store as `tomoswarm export` writes them, and of
+//! what was heard where there is none; and missions of QGroundControl, there and back.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

@@ -1,5 +1,5 @@
-//! Where somebody truly stands, marked from the operator's page: by pointing and by typing, seen by all, stored, taken back; and
-//! who may not.
+//! Where somebody truly stands, marked from the operator's page: by pointing and by typing, seen by all, stored, taken back;
+//! and who may not.
 
 use serde_json::json;
 use tomoswarm::store::ground::GroundStore;

@@ -219,8 +219,8 @@ fn params(value: Option<&Value>, origin: &Origin, notes: &mut Notes) -> Option<[
     are_numbers.then_some(params)
 }
 
-/// Writes a whole file. Speeds, fence and rally points, of which a mission here knows nothing, are those that QGroundControl takes
-/// for none; the autopilot is ArduPilot's (firmware 3), the vehicle a rover (type 10).
+/// Writes a whole file. Speeds, fence and rally points, of which a mission here knows nothing, are those that QGroundControl
+/// takes for none; the autopilot is ArduPilot's (firmware 3), the vehicle a rover (type 10).
 pub(super) fn write(file: &WaypointFile) -> String {
     let home = file.home.map_or([0.0; 3], |home| {
         [home.latitude_deg, home.longitude_deg, home.altitude_m]

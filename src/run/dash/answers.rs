@@ -1,5 +1,5 @@
-//! Answers that take a while, such as what made a pixel or a file of a run: each kind on a thread of its own, one at a time. An order
-//! never waits for one.
+//! Answers that take a while, such as what made a pixel or a file of a run: each kind on a thread of its own, one at a time. An
+//! order never waits for one.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
