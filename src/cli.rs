@@ -30,6 +30,8 @@ pub mod experiment;
 #[cfg(feature = "net")]
 pub mod export;
 #[cfg(feature = "net")]
+mod export_target;
+#[cfg(feature = "net")]
 pub mod fix;
 mod fixed_network;
 #[cfg(feature = "net")]

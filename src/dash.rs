@@ -2,7 +2,8 @@
 //!
 //! [`board`] keeps the newest of everything that was heard, [`outbox`] chooses what goes to one page next, [`frame`] says which
 //! bytes that is, [`timetable`], [`radio`] and [`events`] make of what was heard the plans against time, who hears whom, and
-//! what happened, [`links`] and [`why`] what made a pixel, [`scene_mesh`] what
+//! what happened, [`links`] and [`why`] what made a pixel, [`marks`] where
+//! somebody truly stands, [`scene_mesh`] what
 //! stands in a simulation, [`history`] keeps what was told and [`playback`] shows another time of it, [`gate`] judges who may look and
 //! order, and [`page_server`] joins them: it is told what was heard, what pages
 //! and requests say, and the time, and says what is to be sent, told to the operator, and published. Nothing here opens a
@@ -13,8 +14,11 @@ pub mod contents;
 pub mod events;
 pub mod frame;
 pub mod gate;
+pub mod geojson;
+pub mod heard_files;
 pub mod history;
 pub mod links;
+pub mod marks;
 pub mod metrics;
 pub mod orders;
 pub mod outbox;
@@ -23,6 +27,7 @@ pub mod playback;
 pub mod radio;
 pub mod records;
 pub mod run_files;
+pub mod sample_book;
 pub mod scene_mesh;
 pub mod texts;
 pub mod timetable;

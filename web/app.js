@@ -5,6 +5,7 @@ import { Feed } from "./feed.js";
 import { Fleet } from "./fleet.js";
 import { ImagePanel } from "./image.js";
 import { LogPanel, zone } from "./log.js";
+import { MarkPanel } from "./marks.js";
 import { Model } from "./model.js";
 import { Orders } from "./orders.js";
 import { PlanPanel } from "./plan.js";
@@ -36,7 +37,8 @@ const panels = {
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
   check: { panel: new PreflightPanel(token), of: ["states", "vehicle", "ground", "welcome"] },
-  begin: { panel: new BeginPanel(model, fleet, scene), of: ["ground", "welcome"] },
+  marks: { panel: new MarkPanel(model, scene), of: ["marks", "finds", "welcome"] },
+  begin: { panel: new BeginPanel(model, fleet, scene, token), of: ["ground", "welcome"] },
   settings: { panel: new SettingsPanel(model, scene, token), of: ["ground", "welcome"] },
 };
 orders.heldButton("begin-mission", () => panels.begin.panel.give());
@@ -119,6 +121,7 @@ function showPlace() {
   root.dataset.showing = showing;
   shownPlace = place;
   document.getElementById("showing").textContent = showing;
+  if (showing === "REPLAY") scene.setPick(null);
   document.getElementById("venue").textContent = place.venue;
   document.getElementById("truth-choice").hidden = !place.truth;
   if (!model.isLive()) {
@@ -164,6 +167,12 @@ const keys = document.getElementById("keys");
 document.getElementById("help").addEventListener("click", () => keys.showModal());
 addEventListener("keydown", (event) => {
   if (event.key === "?" && !keys.open) keys.showModal();
+  const isElsewhere = document.documentElement.dataset.keys === "off" || event.ctrlKey || event.altKey || event.metaKey
+    || event.target.matches?.("input, select, textarea");
+  if (event.key.toLowerCase() !== "m" || isElsewhere) return;
+  event.preventDefault();
+  tabs.open("marks");
+  panels.marks.panel.focus();
 });
 
 // For tests, and for whoever looks into the page.

@@ -7,16 +7,16 @@ import { post, say } from "./stop.js";
 const DRAWN = { waypoints_m: "Add places: point at the scene", centre_m: "Draw it: point at the middle, then at a side" };
 
 export class BeginPanel {
-  constructor(model, fleet, scene) {
-    this.model = model;
-    this.fleet = fleet;
-    this.scene = scene;
+  constructor(model, fleet, scene, token) {
+    Object.assign(this, { model, fleet, scene, token });
     this.places = [];
     this.fileText = null;
     this.wanted = () => {};
     this.form = document.getElementById("begin-form");
     this.kind = document.getElementById("mission-kind");
     this.kind.addEventListener("change", () => this.showKeys());
+    document.getElementById("sweep-empty").addEventListener("click", () => this.chooseSweep(""));
+    document.getElementById("sweep-compared").addEventListener("click", () => this.chooseSweep(this.emptyRun()));
     this.form.addEventListener("input", () => this.showCommand());
     this.form.addEventListener("submit", (event) => event.preventDefault());
     addEventListener("selected", () => this.showCommand());
@@ -34,16 +34,37 @@ export class BeginPanel {
   offerRuns() {
     const choice = document.getElementById("compare-with");
     const runs = this.model.ground?.runs ?? [];
-    if (choice.dataset.runs === JSON.stringify(runs)) return;
+    const empty = this.emptyRun();
+    const compared = document.getElementById("sweep-compared");
+    compared.disabled = empty === "";
+    compared.textContent = empty === "" ? "Sweep (no empty one is done)" : `Sweep, compared with run ${empty}`;
+    // A list that is open stays as it is.
+    if (choice.dataset.runs === JSON.stringify(runs) || document.activeElement === choice) return;
     choice.dataset.runs = JSON.stringify(runs);
     const chosen = choice.value;
-    const options = runs.map((run) => option(String(run.run), `run ${run.run}: ${run.kind}, ${run.images} images, ${run.end}`));
+    const options = runs.map((run) => option(String(run.run), runText(run)));
     choice.replaceChildren(option("", "none: this is the empty run"), ...options);
     choice.value = runs.some((run) => String(run.run) === chosen) ? chosen : "";
+    this.showCommand();
+  }
+
+  /** The newest sweep that is done and is compared with none; "" = there is none. */
+  emptyRun() {
+    const runs = this.model.ground?.runs ?? [];
+    const isEmpty = (run) => run.kind === "sweep" && run.comparedWith === null && run.end === "done" && Number(run.samples) > 0;
+    return String(runs.filter(isEmpty).at(-1)?.run ?? "");
+  }
+
+  /** The two sweeps that change detection is made of. */
+  chooseSweep(run) {
+    this.kind.value = "sweep";
+    this.showKeys();
+    document.getElementById("compare-with").value = run;
+    this.showCommand();
   }
 
   showKeys() {
-    const declared = this.model.place.missions.find(({ kind }) => kind === this.kind.value);
+    const declared = this.model.place?.missions.find(({ kind }) => kind === this.kind.value);
     this.clearSketch();
     this.fileText = null;
     document.getElementById("begin-result").textContent = "";
@@ -81,10 +102,9 @@ export class BeginPanel {
     button.addEventListener("click", () => {
       const isOn = button.getAttribute("aria-pressed") !== "true";
       this.clearSketch();
-      button.setAttribute("aria-pressed", String(isOn));
       if (!isOn) return;
       const [list, isList] = [[], name === "waypoints_m"];
-      this.scene.pick = (x, y) => {
+      this.scene.setPick((x, y) => {
         const place = [Math.round(x * 100) / 100, Math.round(y * 100) / 100];
         if (isList) {
           list.push(place);
@@ -93,7 +113,8 @@ export class BeginPanel {
         } else this.drawSquare(list, place, input);
         this.scene.wanted();
         this.showCommand();
-      };
+      }, () => button.setAttribute("aria-pressed", "false"));
+      button.setAttribute("aria-pressed", "true");
     });
     return button;
   }
@@ -113,7 +134,7 @@ export class BeginPanel {
     this.scene.sketch = corners.map(([x, y]) => [middle[0] + x * half, middle[1] + y * half]);
   }
 
-  /** A file of this browser's machine; its text goes with the order. */
+  /** A file of this browser's machine: its places are drawn where the mission takes places, or else its text goes with the order. */
   fileInput(input) {
     const label = document.createElement("label");
     label.textContent = "from this machine ";
@@ -123,6 +144,8 @@ export class BeginPanel {
     chooser.addEventListener("change", async () => {
       const file = chooser.files[0];
       if (!file) return;
+      const list = document.querySelector("#mission-keys input[name=waypoints_m]");
+      if (list) return this.loadPlaces(file, list, input);
       this.fileText = await file.text();
       input.value = file.name;
       this.showCommand();
@@ -131,11 +154,33 @@ export class BeginPanel {
     return label;
   }
 
+  /** The places of a mission, .waypoints or .plan, as if they had been pointed at. */
+  async loadPlaces(file, list, input) {
+    const result = document.getElementById("begin-result");
+    try {
+      const headers = { Authorization: `Bearer ${this.token}` };
+      const answer = await fetch("places", { method: "POST", headers, body: await file.text() });
+      if (!answer.ok) {
+        result.textContent = `${file.name} is not loaded: ${await answer.text()}`;
+        return;
+      }
+      const places = await answer.json();
+      this.clearSketch();
+      list.value = `[${places.map(written).join(", ")}]`;
+      input.value = "";
+      this.scene.sketch = places;
+      this.scene.wanted();
+      this.showCommand();
+      result.textContent = `${places.length} places of ${file.name} are drawn, and stand in waypoints_m.`;
+    } catch {
+      result.textContent = `${file.name} is not loaded: the server does not answer.`;
+    }
+  }
+
   clearSketch() {
-    this.scene.pick = null;
+    if (document.querySelector("#mission-keys button[aria-pressed=true]")) this.scene.setPick(null);
     this.scene.sketch = [];
     this.scene.wanted();
-    for (const button of document.querySelectorAll("#mission-keys button[aria-pressed]")) button.setAttribute("aria-pressed", "false");
   }
 
   /** The keys that were filled in, each as KEY=VALUE. */
@@ -155,6 +200,9 @@ export class BeginPanel {
     const parts = ["tomoswarm order CONFIG start", ...ids, `--mission ${this.kind.value}`, ...this.set().map((set) => `--set '${set}'`)];
     if (run !== null) parts.push(`--compare-with ${run}`);
     document.getElementById("begin-command").textContent = parts.join(" ");
+    document.getElementById("compare-hint").textContent = run === null
+      ? "An empty run: nobody may stand in the area while it is measured. Later runs can be compared with it."
+      : `Its images show what has changed since run ${run}.`;
   }
 
   async give() {
@@ -172,6 +220,12 @@ export class BeginPanel {
 
 function written([x, y]) {
   return `[${x}, ${y}]`;
+}
+
+/** A run as it is chosen from. */
+function runText(run) {
+  const with_ = run.comparedWith === null ? "empty" : `compared with ${run.comparedWith}`;
+  return `run ${run.run}: ${run.kind}, ${with_}, ${run.samples} samples, ${run.images} images, ${run.end}`;
 }
 
 function option(value, text) {

@@ -18,6 +18,7 @@ export const KIND = {
   Moment: 13,
   Markers: 14,
   Track: 15,
+  Marks: 16,
 };
 
 export const STATE = [

@@ -1,8 +1,8 @@
-// What happened, newest first: changes, troubles, orders with their fates; by vehicle and by kind. Texts are set as text only.
+// What happened, newest first: changes, troubles, orders with their fates, marks; by vehicle and by kind. Texts are set as text only.
 
 import { timeOfDay } from "./model.js";
 
-const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦" };
+const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦", mark: "⌖" };
 const SHOWN_MOST = 200;
 
 export class LogPanel {
@@ -42,8 +42,8 @@ function line(event, isLive) {
   time.dateTime = event.at.toISOString();
   time.textContent = timeOfDay(event.at, isLive);
   const whom = event.vehicles.length ? ` ${event.vehicles.join(", ")}:` : "";
-  // The text of an order or an image says that it is one.
-  const kind = ["order", "image"].includes(event.kind) ? "" : ` ${event.kind}`;
+  // The text of an order, an image or a mark says that it is one.
+  const kind = ["order", "image", "mark"].includes(event.kind) ? "" : ` ${event.kind}`;
   item.append(time, ` ${SHAPES[event.kind] ?? "·"}${kind}${whom} ${event.text}`);
   return item;
 }

@@ -48,6 +48,7 @@ export class Model {
     this.history = new Map();
     this.timetable = null;
     this.events = [];
+    this.marks = { marks: [], given: [] };
     this.orders = { isLinked: true, stops: [], orders: [], seat: null, lease: 0 };
     this.changedTiles.clear();
     this.texts.clear();
@@ -213,6 +214,7 @@ export class Model {
       case KIND.Plan: this.plans.set(value.id, value); break;
       case KIND.Track: this.takeTrack(value); break;
       case KIND.Finds: this.finds.set(value.subject, value); break;
+      case KIND.Marks: this.marks = value; break;
       case KIND.Timetable: this.timetable = value; break;
       case KIND.Events: this.takeEvents(value.events); break;
       case KIND.Moment: this.takeMoment(value); break;

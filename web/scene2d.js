@@ -1,4 +1,4 @@
-// The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds. x to
+// The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds, marks. x to
 // the right, y up, metres.
 
 import { cellColour, css, excessColour, FREE_TO, liveLinks, OCCUPIED_FROM, SIDE } from "./draw.js";
@@ -7,6 +7,9 @@ import { arrow, waitsOf } from "./plan.js";
 
 const PADDING = 1.08;
 const TRUTH = "#a03cc8";
+const MARK = "#7a1fa0";
+/** A mark is drawn as large as a person, metres. */
+const MARK_RADIUS_M = 0.25;
 /** A pointer that moves less has pointed at something. */
 const TAP_PIXELS = 5;
 
@@ -21,9 +24,13 @@ export class Scene {
     this.wanted = () => {};
     /** Told the places that are pointed at, while places are asked for. */
     this.pick = null;
+    /** Told that places go to somebody else. */
+    this.dropped = () => {};
     /** Told them otherwise. */
     this.pointedAt = () => {};
     this.sketch = [];
+    /** A place that is to be marked, if it is said. */
+    this.candidate = null;
     this.slice = 0;
     /** Counts how often the map has changed. */
     this.mapVersion = 0;
@@ -75,6 +82,13 @@ export class Scene {
       if (!this.isChosen) this.view = null;
       this.wanted();
     }).observe(canvas);
+  }
+
+  /** Lets places that are pointed at go to `pick`, or (null) where they usually go; `dropped` is told when that ends. */
+  setPick(pick, dropped = () => {}) {
+    const before = this.dropped;
+    [this.pick, this.dropped] = [pick, dropped];
+    before();
   }
 
   point(event) {
@@ -170,6 +184,7 @@ export class Scene {
       this.drawWaits(pen);
     }
     this.drawFinds(pen);
+    this.drawMarks(pen);
     this.drawSketch(pen);
     for (const state of model.states.values()) if (state.isPlaced) this.drawVehicle(pen, state, now_ms);
     this.drawScale(pen);
@@ -374,6 +389,35 @@ export class Scene {
       if (find.sd_m !== null) this.ring(pen, x, y, find.sd_m);
       this.write(pen, find.sd_m === null ? "find" : `find ± ${find.sd_m.toFixed(2)} m`, x + 10, y - 8);
     }
+  }
+
+  /** Where somebody truly stands: a ring with a point; broken while it is not stored. */
+  drawMarks(pen) {
+    const { marks, given } = this.model.marks;
+    const present = this.model.ground?.run;
+    for (const { run, at, state } of marks) {
+      const of = run === present ? "" : ` (run ${run})`;
+      this.drawMark(pen, at, state === "stored" ? `marked${of}` : `${state}${of}`, state === "stored");
+    }
+    for (const { at, isOver } of given) if (!isOver) this.drawMark(pen, at, "on its way", false);
+    if (this.candidate) this.drawMark(pen, this.candidate, "mark?", false);
+  }
+
+  drawMark(pen, at, word, isWhole) {
+    const [x, y] = this.toPixel(at[0], at[1]);
+    const radius = Math.max(9, MARK_RADIUS_M * this.view.scale);
+    for (const [colour, width] of [[this.paper, 5], [MARK, 2.5]]) {
+      pen.setLineDash(isWhole ? [] : [4, 4]);
+      pen.strokeStyle = pen.fillStyle = colour;
+      pen.lineWidth = width;
+      pen.beginPath();
+      pen.arc(x, y, radius, 0, 2 * Math.PI);
+      pen.stroke();
+      pen.fillRect(x - width, y - width, 2 * width, 2 * width);
+    }
+    pen.setLineDash([]);
+    pen.font = "bold 12px system-ui, sans-serif";
+    this.write(pen, word, x + radius + 3, y + 4);
   }
 
   ring(pen, x, y, radius_m) {

@@ -13,7 +13,8 @@ export class SettingsPanel {
     on("save-links", () => this.saveLinks());
     on("save-image", () => this.saveImage());
     on("save-picture", () => this.savePicture());
-    on("save-waypoints", () => this.saveWaypoints());
+    for (const format of ["waypoints", "plan"]) on(`save-${format}`, () => this.savePlaces(format));
+    on("export-files", () => this.listFiles());
     document.getElementById("save-run").addEventListener("input", () => this.showCommand());
   }
 
@@ -72,6 +73,30 @@ export class SettingsPanel {
     if (answer) this.save(`run-${this.run()}-links.csv`, [await answer.text()], "text/csv");
   }
 
+  /** The files of `tomoswarm export` that there are of the run, each with a button. */
+  async listFiles() {
+    const run = this.run();
+    const answer = await this.ask(`export?run=${run}`);
+    const { from, files } = answer ? await answer.json() : { from: "", files: [] };
+    document.getElementById("export-from").textContent = answer ? `Files of run ${run}, from ${from}:` : "";
+    const rows = files.map((name) => {
+      const [row, button] = [document.createElement("li"), document.createElement("button")];
+      button.type = "button";
+      button.textContent = name;
+      button.addEventListener("click", () => this.saveFile(run, name));
+      row.append(button);
+      return row;
+    });
+    document.getElementById("export-list").replaceChildren(...rows);
+    if (answer) this.say(`${files.length} files of run ${run} can be saved.`);
+  }
+
+  async saveFile(run, name) {
+    this.say(`${name} is being made …`);
+    const answer = await this.ask(`export?run=${run}&file=${name}`);
+    if (answer) this.save(name, [await answer.blob()], "application/octet-stream");
+  }
+
   image() {
     const image = this.model.images.get(Number(document.getElementById("image-subject").value));
     if (!image) this.say("Not saved: there is no image yet.");
@@ -95,14 +120,15 @@ export class SettingsPanel {
     imageCanvas(this.model, image, plane, false).toBlob((blob) => this.save(`${this.name(image)}-${plane}.png`, [blob], "image/png"));
   }
 
-  async saveWaypoints() {
+  /** The places that are drawn, as a mission of QGroundControl: text (.waypoints) or JSON (.plan). */
+  async savePlaces(format) {
     const places = this.scene.sketch;
     if (places.length === 0) {
       this.say("Not saved: no places are drawn; choose a mission with places under Begin, and point at the scene.");
       return;
     }
-    const answer = await this.ask("waypoints", { method: "POST", body: JSON.stringify(places) });
-    if (answer) this.save("places.waypoints", [await answer.text()], "text/plain");
+    const answer = await this.ask(`waypoints?as=${format}`, { method: "POST", body: JSON.stringify(places) });
+    if (answer) this.save(`places.${format}`, [await answer.text()], "text/plain");
   }
 
   save(name, parts, type) {

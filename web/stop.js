@@ -8,8 +8,8 @@ const result = document.getElementById("stop-result");
 const bar = document.getElementById("bar");
 const CANNOT = "Cannot stop from here: use the radio, or tomoswarm order CONFIG emergency.";
 
-/** Posts an order and says how that went; the answer's number, or null. */
-export async function post(order) {
+/** Posts an order, or a mark, and says how that went; the answer's number, or null. */
+export async function post(order, to = "order") {
   const source = document.documentElement.dataset.source ?? "LIVE";
   if (source !== "LIVE") {
     say(`A ${source.toLowerCase()}: it takes no orders.`, "refused");
@@ -21,7 +21,7 @@ export async function post(order) {
   }
   const page = Number(document.documentElement.dataset.page ?? 0);
   try {
-    const answer = await fetch("order", {
+    const answer = await fetch(to, {
       method: "POST",
       headers: { Authorization: `Bearer ${token}`, "Content-Type": "application/json" },
       body: JSON.stringify({ page, ...order }),
@@ -29,7 +29,7 @@ export async function post(order) {
     });
     const text = await answer.text();
     if (!answer.ok) {
-      say(`${order.order} was refused: ${text}`, "refused");
+      say(`${order.order ?? to} was refused: ${text}`, "refused");
       return null;
     }
     bar.classList.remove("dead");

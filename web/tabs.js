@@ -19,6 +19,11 @@ export class Tabs {
     this.show(0);
   }
 
+  /** Shows the one of a name. */
+  open(name) {
+    this.show(this.tabs.findIndex((tab) => tab.getAttribute("aria-controls") === name));
+  }
+
   show(index) {
     this.tabs.forEach((tab, at) => {
       const isShown = at === index;

@@ -1,6 +1,6 @@
-// Which moment is shown: a bar with marks at troubles, orders and images; back, on at any speed, and to what is new.
+// Which moment is shown: a bar with marks at troubles, orders, images and where somebody was marked; back, on at any speed, and to what is new.
 
-const KINDS = { trouble: { height: 1, of: "--stop" }, order: { height: 0.75, of: "--accent" }, image: { height: 0.5, of: "--good" } };
+const KINDS = { trouble: { height: 1, of: "--stop" }, order: { height: 0.75, of: "--accent" }, image: { height: 0.5, of: "--good" }, mark: { height: 0.75, of: "--good" } };
 /** A moment so near to the end is the end, seconds. */
 const NEAR_S = 0.05;
 const ANSWERED_WITHIN_MS = 500;

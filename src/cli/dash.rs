@@ -3,8 +3,10 @@
 use std::io::Write;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::error::CliError;
+use super::export_target::StoreFiles;
 use super::logging;
 use super::operator::{OperatorContext, fault};
 use super::replay::recordings;
@@ -38,6 +40,10 @@ pub struct DashArgs {
     /// The port of the page; 0 = any that is free
     #[arg(long, value_name = "PORT", default_value_t = PAGE_PORT)]
     pub port: u16,
+    /// The ground station's store on this machine (state_dir/ground.sqlite), of which pages save runs, as `tomoswarm export`
+    /// does; `ground --dash` names its own [default: pages save what this program has heard]
+    #[arg(long, value_name = "STORE", conflicts_with = "replay")]
+    pub store: Option<PathBuf>,
     /// Serve the files of this folder instead of those that are built in; for whoever works on the page
     #[arg(long, value_name = "FOLDER")]
     pub files: Option<PathBuf>,
@@ -52,6 +58,7 @@ GET /metrics answers Prometheus (Authorization: Bearer TOKEN, the token of one o
 Examples:
   tomoswarm dash operator.toml                        then open one of the links
   tomoswarm dash operator.toml --port 0               on any free port
+  tomoswarm dash operator.toml --store ground.sqlite  beside the ground station's store: pages save whole runs
   tomoswarm dash --replay run/flight                  a recording: of each node what it said, at any moment and speed
   tomoswarm dash operator.toml --listen 0.0.0.0       for a tablet: its browser must be given the swarm's ca.pem
   ssh -L 8377:127.0.0.1:8377 ground                   the page of a ground station's machine, from elsewhere
@@ -94,7 +101,10 @@ impl DashArgs {
         let stop = StopFlag::listen();
         let operator = context.open()?;
         let started = Dashboard::start(operator, &context.venue, &at, self.files.clone());
-        let dashboard = started.map_err(refused)?;
+        let mut dashboard = started.map_err(refused)?;
+        if let Some(store) = &self.store {
+            dashboard.set_store(Arc::new(StoreFiles::of(store)));
+        }
         let [look, operate] = dashboard.links();
         let text = format!("to look     {look}\nto operate  {operate}\n");
         out.write_all(text.as_bytes())

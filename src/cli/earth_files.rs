@@ -4,12 +4,13 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::earth::{Features, MadeImage, world_file};
+use super::earth::world_file;
 use super::error::CliError;
 use super::outputs::heat_map;
 use super::read;
 use super::recording::LengthUnit;
 use crate::config::{self, Config, SourceFile, Venue};
+use crate::dash::geojson::{Features, MadeImage};
 use crate::draw::Placement;
 use crate::tomo::Reconstruction;
 

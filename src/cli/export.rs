@@ -2,24 +2,27 @@
 //! use by a ground station.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use tomoswarm_proto::{RunId, VehicleId};
 
-use super::earth::{Features, MadeImage, extend_track, world_file};
+use super::earth::{extend_track, world_file};
 use super::error::CliError;
+use super::export_target::ExportTarget;
 use super::folder::OutputFolder;
 use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
-use super::samples_csv::{SAMPLES_HEADER, sample_line, utc_text};
+use super::samples_csv::sample_line;
 use crate::config::{self, Config, Venue};
+use crate::dash::geojson::{Features, MadeImage};
+use crate::dash::run_files::MARKS_HEADER;
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
 use crate::geom::{Lattice, Point};
 use crate::ground::MeasuredSample;
 use crate::map::Merged;
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredMark, StoredRun};
-use crate::tomo::{Image, LinkBins, npy_bytes};
+use crate::tomo::{Image, LinkBins, SAMPLES_HEADER, npy_bytes, utc_text};
 
 /// A mark is drawn as large as a person, metres.
 const MARK_RADIUS_M: f64 = 0.25;
@@ -74,32 +77,10 @@ impl ExportArgs {
     /// # Errors
     /// The store cannot be read, the run is not in it, or the folder cannot be written; nothing is written then.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let store = GroundStore::open_to_read(&self.store)?;
-        let runs = self.chosen(store.runs()?)?;
-        let starts = store.provenance()?;
-        let (venue, venue_text) = self.venue(&starts)?;
+        let export = Export::of(&self.store, self.run)?;
         let mut folder = OutputFolder::prepare(&self.out, FAMILY)?;
         folder.claim(is_of_a_run);
-        let mut features = Features::of_venue(&venue);
-        let mut tracks = Vec::new();
-        let mut lines = String::new();
-        for run in &runs {
-            let samples = write_run(&mut folder, &store, run.run, &mut features, &mut tracks)?;
-            let marks = write_marks(&mut folder, &store, run.run, &mut features)?;
-            let (images, errors) = write_images(
-                &mut folder,
-                &store,
-                (run.run, &marks),
-                &venue,
-                &mut features,
-            )?;
-            lines += &format!("run {}: {samples} samples, {images} pictures\n", run.run);
-            lines += &errors;
-        }
-        write_map(&mut folder, &store, &venue, tracks)?;
-        folder.write("swarm.geojson", features.text().as_bytes())?;
-        folder.write("venue.toml", venue_text.as_bytes())?;
-        folder.write("export.json", about(&store, &runs, &starts).as_bytes())?;
+        let mut lines = export.write_to(&mut folder)?;
         let target = folder.publish()?;
         lines += &format!("written to {}\n", target.display());
         let written = out.write_all(lines.as_bytes()).and_then(|()| out.flush());
@@ -108,49 +89,127 @@ impl ExportArgs {
             source,
         })
     }
+}
 
-    fn chosen(&self, runs: Vec<StoredRun>) -> Result<Vec<StoredRun>, CliError> {
-        let Some(wanted) = self.run else {
-            return Ok(runs);
-        };
-        let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
-        let chosen: Vec<StoredRun> = runs
-            .into_iter()
-            .filter(|run| run.run == RunId(wanted))
-            .collect();
-        if chosen.is_empty() {
-            let known = if known.is_empty() {
-                "no runs".to_owned()
-            } else {
-                format!("runs {}", known.join(", "))
-            };
-            let reason = format!("holds no run {wanted}; it holds {known}");
-            return Err(CliError::Input {
-                path: self.store.clone(),
-                reason,
-            });
-        }
-        Ok(chosen)
+/// What is exported of a store.
+pub(super) struct Export {
+    store: GroundStore,
+    runs: Vec<StoredRun>,
+    starts: Vec<Provenance>,
+    venue: Venue,
+    venue_text: String,
+}
+
+/// What is gathered of all runs.
+struct Gathered {
+    features: Features,
+    /// Where vehicles drove, if that is wanted.
+    tracks: Option<Vec<(VehicleId, Vec<Point>)>>,
+}
+
+impl Export {
+    /// Reads what a store says of itself, and of one run or all.
+    ///
+    /// # Errors
+    /// The store cannot be read, or the run is not in it.
+    pub(super) fn of(path: &Path, run: Option<u32>) -> Result<Export, CliError> {
+        let store = GroundStore::open_to_read(path)?;
+        let runs = chosen(path, run, store.runs()?)?;
+        let starts = store.provenance()?;
+        let (venue, venue_text) = venue_of(path, &starts)?;
+        Ok(Export {
+            store,
+            runs,
+            starts,
+            venue,
+            venue_text,
+        })
     }
 
-    /// Returns the venue as the ground station read it last.
-    fn venue(&self, starts: &[Provenance]) -> Result<(Venue, String), CliError> {
-        let wrong = |reason: &str| CliError::Input {
-            path: self.store.clone(),
-            reason: reason.to_owned(),
+    /// Writes all files that are wanted; returns what there is to say of the runs.
+    ///
+    /// # Errors
+    /// The store cannot be read any more, or a file cannot be written.
+    pub(super) fn write_to(&self, target: &mut dyn ExportTarget) -> Result<String, CliError> {
+        let Export { store, venue, .. } = self;
+        let has_features = target.wants("swarm.geojson");
+        let has_map = target.wants("map.png") | target.wants("map.pgw");
+        let mut gathered = Gathered {
+            features: Features::of_venue(venue),
+            tracks: (has_features || has_map).then(Vec::new),
         };
-        let text = &starts.first().ok_or_else(|| wrong("holds no venue"))?.venue;
-        let name = format!("the venue in {}", self.store.display());
-        let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
-        match config::read(&name, text, &mut no_files)? {
-            Config::Venue(venue) => Ok((venue, text.clone())),
-            Config::Scene(_)
-            | Config::Sim(_)
-            | Config::Experiment(_)
-            | Config::Vehicle(_)
-            | Config::Ground(_)
-            | Config::Operator(_) => Err(wrong("holds another kind of file in place of its venue")),
+        let mut lines = String::new();
+        for run in &self.runs {
+            let samples = write_run(target, store, run.run, &mut gathered)?;
+            let features = &mut gathered.features;
+            let marks = write_marks(target, store, run.run, features)?;
+            let (images, errors) = write_images(target, store, (run.run, &marks), venue, features)?;
+            lines += &format!("run {}: {samples} samples, {images} pictures\n", run.run);
+            lines += &errors;
         }
+        let Gathered { features, tracks } = gathered;
+        if has_map {
+            write_map(target, store, venue, tracks.unwrap_or_default())?;
+        }
+        if has_features {
+            target.write("swarm.geojson", features.text().as_bytes())?;
+        }
+        if target.wants("venue.toml") {
+            target.write("venue.toml", self.venue_text.as_bytes())?;
+        }
+        if target.wants("export.json") {
+            let about = about(store, &self.runs, &self.starts);
+            target.write("export.json", about.as_bytes())?;
+        }
+        Ok(lines)
+    }
+}
+
+fn chosen(
+    path: &Path,
+    wanted: Option<u32>,
+    runs: Vec<StoredRun>,
+) -> Result<Vec<StoredRun>, CliError> {
+    let Some(wanted) = wanted else {
+        return Ok(runs);
+    };
+    let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
+    let chosen: Vec<StoredRun> = runs
+        .into_iter()
+        .filter(|run| run.run == RunId(wanted))
+        .collect();
+    if chosen.is_empty() {
+        let known = if known.is_empty() {
+            "no runs".to_owned()
+        } else {
+            format!("runs {}", known.join(", "))
+        };
+        let reason = format!("holds no run {wanted}; it holds {known}");
+        return Err(CliError::Input {
+            path: path.to_owned(),
+            reason,
+        });
+    }
+    Ok(chosen)
+}
+
+/// Returns the venue as the ground station read it last.
+fn venue_of(path: &Path, starts: &[Provenance]) -> Result<(Venue, String), CliError> {
+    let wrong = |reason: &str| CliError::Input {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    };
+    let text = &starts.first().ok_or_else(|| wrong("holds no venue"))?.venue;
+    let name = format!("the venue in {}", path.display());
+    let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
+    match config::read(&name, text, &mut no_files)? {
+        Config::Venue(venue) => Ok((venue, text.clone())),
+        Config::Scene(_)
+        | Config::Sim(_)
+        | Config::Experiment(_)
+        | Config::Vehicle(_)
+        | Config::Ground(_)
+        | Config::Operator(_) => Err(wrong("holds another kind of file in place of its venue")),
     }
 }
 
@@ -170,14 +229,19 @@ fn is_of_a_run(name: &str) -> bool {
         && (is_picture || matches!(kind, "samples.csv" | "links.csv" | "marks.csv"))
 }
 
-/// Writes samples and links of a run, and collects its tracks; returns how many samples.
+/// Writes samples and links of a run, and gathers its tracks; returns how many samples there are, of those that were read.
 fn write_run(
-    folder: &mut OutputFolder,
+    target: &mut dyn ExportTarget,
     store: &GroundStore,
     run: RunId,
-    features: &mut Features,
-    tracks: &mut Vec<(VehicleId, Vec<Point>)>,
+    gathered: &mut Gathered,
 ) -> Result<usize, CliError> {
+    let names = ["samples", "links"].map(|kind| format!("run-{run}-{kind}.csv"));
+    let [has_samples, has_links] = [0, 1].map(|name: usize| target.wants(&names[name]));
+    let Gathered { features, tracks } = gathered;
+    if !has_samples && !has_links && tracks.is_none() {
+        return Ok(0);
+    }
     let mut text = format!("{SAMPLES_HEADER}\n");
     let mut bins = LinkBins::default();
     let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
@@ -190,7 +254,9 @@ fn write_run(
             sample,
             utc_s: _,
         } = &stored;
-        sample_line(&mut text, &stored);
+        if has_samples {
+            sample_line(&mut text, &stored);
+        }
         bins.record(
             sample.transmitter_pose.at.into(),
             sample.receiver_pose.at.into(),
@@ -205,24 +271,27 @@ fn write_run(
         }
         count += 1;
     })?;
-    folder.write(&format!("run-{run}-samples.csv"), text.as_bytes())?;
-    folder.write(
-        &format!("run-{run}-links.csv"),
-        links_csv(&bins.links(), None).as_bytes(),
-    )?;
+    if has_samples {
+        target.write(&names[0], text.as_bytes())?;
+    }
+    if has_links {
+        target.write(&names[1], links_csv(&bins.links(), None).as_bytes())?;
+    }
     for ((vehicle, boot), points) in driven {
         features.track(
             json!({"what": "track", "run": run.0, "vehicle": vehicle.0, "boot": boot}),
             &points,
         );
-        tracks.push((vehicle, points));
+        if let Some(tracks) = tracks {
+            tracks.push((vehicle, points));
+        }
     }
     Ok(count)
 }
 
 /// Writes where somebody truly stood in a run, if that was marked, and returns it.
 fn write_marks(
-    folder: &mut OutputFolder,
+    target: &mut dyn ExportTarget,
     store: &GroundStore,
     run: RunId,
     features: &mut Features,
@@ -231,7 +300,7 @@ fn write_marks(
     if marks.is_empty() {
         return Ok(marks);
     }
-    let mut text = String::from("run,x_m,y_m,z_m,marked\n");
+    let mut text = format!("{MARKS_HEADER}\n");
     for StoredMark {
         at,
         z_m,
@@ -240,16 +309,19 @@ fn write_marks(
     {
         let marked = utc_text(*marked_utc_s);
         text += &format!("{run},{},{},{z_m},{marked}\n", at.x_m, at.y_m);
-        features.mark(json!({"what": "mark", "run": run.0, "marked": marked}), *at);
+        features.place(json!({"what": "mark", "run": run.0, "marked": marked}), *at);
     }
-    folder.write(&format!("run-{run}-marks.csv"), text.as_bytes())?;
+    let name = format!("run-{run}-marks.csv");
+    if target.wants(&name) {
+        target.write(&name, text.as_bytes())?;
+    }
     Ok(marks)
 }
 
 /// Writes the newest pictures of a run with its marks; returns how many, and in lines how far finds, or without an empty sweep
 /// strong places, are from the marks.
 fn write_images(
-    folder: &mut OutputFolder,
+    target: &mut dyn ExportTarget,
     store: &GroundStore,
     (run, truth): (RunId, &[StoredMark]),
     venue: &Venue,
@@ -262,11 +334,17 @@ fn write_images(
         .filter(|made| matches!(made.kind.as_str(), "change" | "structure"))
     {
         let name = |ending: &str| format!("run-{run}-{}.{ending}", made.kind);
-        folder.write(&name("npy"), &npy_bytes(&made.image))?;
+        if target.wants(&name("npy")) {
+            target.write(&name("npy"), &npy_bytes(&made.image))?;
+        }
         let spec = heat(made, truth);
         errors += &error_lines(made, truth);
-        folder.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
-        folder.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
+        if target.wants(&name("png")) {
+            target.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
+        }
+        if target.wants(&name("pgw")) {
+            target.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
+        }
         features.image(MadeImage {
             says: &json!({"run": run.0, "kind": made.kind, "laps": made.laps}),
             peaks: &made.peaks,
@@ -331,7 +409,7 @@ fn world(
 
 /// Writes the map that all vehicles have made together.
 fn write_map(
-    folder: &mut OutputFolder,
+    target: &mut dyn ExportTarget,
     store: &GroundStore,
     venue: &Venue,
     tracks: Vec<(VehicleId, Vec<Point>)>,
@@ -369,8 +447,8 @@ fn write_map(
         cells: &cells,
         overlays,
     };
-    folder.write("map.png", &drawn(Picture::occupancy(&spec))?)?;
-    folder.write("map.pgw", world(venue, spec.placement())?.as_bytes())
+    target.write("map.png", &drawn(Picture::occupancy(&spec))?)?;
+    target.write("map.pgw", world(venue, spec.placement())?.as_bytes())
 }
 
 /// Returns where the data come from.
@@ -411,7 +489,6 @@ mod tests {
     use crate::store::ground::{Start, UtcOffset};
     use crate::tomo::{Peak, Reconstruction};
     use serde_json::Value;
-    use std::path::Path;
     use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples};
 
     /// A store with two runs of one vehicle that drove along the south side, and a picture.

@@ -1,6 +1,8 @@
 //! `tomoswarm ground CONFIG`: the ground station.
 
 use std::io::{IsTerminal, Write};
+#[cfg(feature = "dash")]
+use std::path::Path;
 use std::path::PathBuf;
 
 use super::describe::{Line, describe};
@@ -115,7 +117,9 @@ impl GroundArgs {
             venue_text: &venue_text,
         };
         #[cfg(feature = "dash")]
-        let page = self.start_page(out)?;
+        let store = Path::new(&file.state_dir).join(ground_process::STORE);
+        #[cfg(feature = "dash")]
+        let page = self.start_page(&store, out)?;
         let finish = ground_process::run(files, mavlink.as_ref(), &request, &mut status);
         #[cfg(feature = "dash")]
         if let Some(page) = page {
@@ -130,8 +134,12 @@ impl GroundArgs {
 
 #[cfg(feature = "dash")]
 impl GroundArgs {
-    fn start_page(&self, out: &mut dyn Write) -> Result<Option<PageProcess>, CliError> {
-        let start = |file: &PathBuf| PageProcess::start(file, self.port, out);
+    fn start_page(
+        &self,
+        store: &Path,
+        out: &mut dyn Write,
+    ) -> Result<Option<PageProcess>, CliError> {
+        let start = |file: &PathBuf| PageProcess::start((file, store), self.port, out);
         self.dash.as_ref().map(start).transpose()
     }
 }

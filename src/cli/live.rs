@@ -89,8 +89,10 @@ fn start_page(
     folder: &Path,
     out: &mut dyn Write,
 ) -> Result<Option<PageProcess>, CliError> {
-    let file = folder.join(OPERATOR);
-    let wanted = args.dash.then(|| PageProcess::start(&file, args.port, out));
+    let (file, store) = (folder.join(OPERATOR), folder.join(STORE));
+    let wanted = args
+        .dash
+        .then(|| PageProcess::start((&file, &store), args.port, out));
     wanted.transpose()
 }
 

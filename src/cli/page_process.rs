@@ -17,12 +17,12 @@ pub(super) struct PageProcess {
 }
 
 impl PageProcess {
-    /// Starts it with an operator's file, and prints its links.
+    /// Starts it with an operator's file and the ground station's store, whose runs it may save; prints its links.
     ///
     /// # Errors
     /// It cannot be started, or ends at once: it has said why.
     pub(super) fn start(
-        operator_file: &Path,
+        (operator_file, store): (&Path, &Path),
         port: Option<u16>,
         out: &mut dyn Write,
     ) -> Result<PageProcess, CliError> {
@@ -32,6 +32,7 @@ impl PageProcess {
         if let Some(port) = port {
             command.args(["--port", &port.to_string()]);
         }
+        command.arg("--store").arg(store);
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let mut child = command.spawn().map_err(failed)?;
         let said = child.stdout.take().map(BufReader::new);

@@ -71,8 +71,9 @@ fn stored(path: &Path) -> Option<(PathBuf, u32)> {
 /// Returns the samples of a stored run as a recording.
 #[cfg(feature = "net")]
 fn samples_of(path: &Path, run: u32) -> Result<String, CliError> {
-    use super::samples_csv::{SAMPLES_HEADER, sample_line};
+    use super::samples_csv::sample_line;
     use crate::store::ground::GroundStore;
+    use crate::tomo::SAMPLES_HEADER;
     let store = GroundStore::open_to_read(path)?;
     let run = tomoswarm_proto::RunId(run);
     let known = store.runs()?;

@@ -3,22 +3,18 @@
 //! Pure: bytes in, links out. Every mistake names the line (or packet), what was found and what was expected.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::csv::{self, CsvHeader};
-use super::samples_csv::{NEEDED, SAMPLES_HEADER, read_samples};
+use super::samples_csv::{NEEDED, read_samples};
 use crate::config::LinksFile;
 use crate::geom::{Point, Rect};
-use crate::tomo::Link;
+use crate::tomo::{self, LINKS_HEADER, Link, SAMPLES_HEADER};
 
 /// The header that a links file has at least.
 pub const CSV_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm";
-/// The header of the links files that tomoswarm writes.
-pub const LINKS_HEADER: &str =
-    "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
 
 /// The columns that may stand there as well: how high the ends are.
 const HEIGHTS: [&str; 2] = ["tx_z_m", "rx_z_m"];
@@ -161,35 +157,9 @@ fn share_of(count: usize, share: f64) -> usize {
     (libm::round(count as f64 * share) as usize).clamp(1, count.max(1))
 }
 
-/// Returns a links file: how it is to be imaged as comments, if that is known, then one line per link, with an empty
-/// `rssi_dbm` where no packet was heard. Every number is written to its last digit, so that the links read are the links
-/// written.
+/// Returns a links file: how it is to be imaged as comments, if that is known, then the links.
 pub fn links_csv(links: &[Link], imaging: Option<&LinksFile>) -> String {
-    let mut text = comments(imaging);
-    text += &format!("{LINKS_HEADER}\n");
-    for link in links {
-        let Link {
-            from,
-            to,
-            packets,
-            spots,
-            misses,
-            mean_dbm,
-            spread_db,
-        } = link;
-        let rssi = if *packets > 0 {
-            mean_dbm.to_string()
-        } else {
-            String::new()
-        };
-        // Writing to a String cannot fail.
-        let _ = writeln!(
-            text,
-            "{},{},{},{},{packets},{rssi},{spots},{misses},{spread_db}",
-            from.x_m, from.y_m, to.x_m, to.y_m
-        );
-    }
-    text
+    comments(imaging) + &tomo::links_csv(links)
 }
 
 /// What begins a line of a CSV file that holds no link.

@@ -1,5 +1,5 @@
 //! Stored missions as ground stations write them: the text format "QGC WPL 110" (`.waypoints`) and the JSON of
-//! QGroundControl's `.plan`, read into typed items; items and driven tracks written back as WPL 110.
+//! QGroundControl's `.plan`, read into typed items; items and driven tracks written back as WPL 110 or as a plan.
 //!
 //! Which format it is, is seen by the content. All that is wrong is listed at once, with the line or the JSON path.
 //! Fences, rally points, speeds and survey patterns ("ComplexItem") of a plan are not for us: the first three are
@@ -345,6 +345,11 @@ impl WaypointFile {
     /// Returns the mission as "QGC WPL 110", tab-separated, home first; what [`WaypointFile::read`] gives back.
     pub fn to_wpl(&self) -> String {
         wpl::write(self)
+    }
+
+    /// Returns the mission as a `.plan` of QGroundControl; [`WaypointFile::read`] gives the same items back.
+    pub fn to_plan(&self) -> String {
+        plan::write(self)
     }
 
     /// Returns the places to which the vehicle goes, in the local frame, each with the index of its item.

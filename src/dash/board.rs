@@ -1,6 +1,6 @@
-//! The newest of everything that is shown: the fleet, the merged map, plans, images, who hears whom, the ground station, what
-//! happened, how orders fared. It
-//! is told what came over the bus and says what has changed; of the map it asks for what it lacks, as every map does.
+//! The newest of everything that is shown: the fleet, the merged map, plans, images, who hears whom, the ground station, where
+//! somebody truly stands, what happened, how orders fared. It is told what came over the bus and says what has changed; of the
+//! map it asks for what it lacks, as every map does.
 //!
 //! It knows no page and no bytes. What is shown of a subject is made when it is sent, so a page never gets what is old.
 
@@ -16,6 +16,7 @@ use tomoswarm_proto::{
 
 use super::events::{EventKind, EventList};
 use super::gate::PageId;
+use super::marks::{MarkBook, MarkOrder, in_metres};
 use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
 use super::texts::outcome_in_words;
@@ -25,6 +26,7 @@ use crate::geom::Lattice;
 use crate::map::{JoinResult, Merged, Repair};
 use crate::operator::HeardMessage;
 use crate::operator::fleet_view::FleetView;
+use crate::operator::given_marks::MarkOutcome;
 use crate::operator::outcome::OrderOutcome;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;
@@ -49,6 +51,10 @@ pub enum BoardInput {
     Ended(u32, OrderOutcome),
     /// Which page has the seat.
     Seat(Option<PageId>),
+    /// A page has asked for a mark; it gets the next number of marks.
+    MarkGiven(MarkOrder),
+    /// What became of a mark that a page has asked for, by its number.
+    MarkEnded(u32, MarkOutcome),
 }
 
 /// Something that a page shows; the lower goes first.
@@ -66,6 +72,8 @@ pub enum Subject {
     Plan(VehicleId),
     /// The plans against time, and who waits for whom.
     Timetable,
+    /// Where somebody truly stands.
+    Marks,
     /// What happened.
     Events,
     /// Which moment is shown, of which span; of no board.
@@ -143,6 +151,7 @@ pub struct Board {
     events: EventList,
     images: BTreeMap<ImageSubject, NewestImage>,
     orders: OrderBook,
+    marks: MarkBook,
     is_linked: bool,
     changes: BTreeSet<Subject>,
 }
@@ -162,6 +171,7 @@ impl Board {
             events: EventList::default(),
             images: BTreeMap::new(),
             orders: OrderBook::default(),
+            marks: MarkBook::default(),
             is_linked: false,
             changes: BTreeSet::new(),
         }
@@ -187,7 +197,26 @@ impl Board {
                 self.orders.set_seat(*page);
                 self.changes.insert(Subject::Orders);
             }
+            BoardInput::MarkGiven(order) => {
+                let number = self.marks.enter(now, order.clone());
+                let what = if order.take_back { "take back" } else { "mark" };
+                let (place, page) = (in_metres(order.place()), order.page);
+                self.mark_event(
+                    now,
+                    format!("mark {number}: {what} {place}, by page {page}"),
+                );
+            }
+            BoardInput::MarkEnded(number, outcome) => {
+                self.marks.end(*number, *outcome);
+                self.mark_event(now, format!("mark {number}: {outcome}"));
+            }
         }
+    }
+
+    /// Shows that the marks have changed, with a line of what happened.
+    fn mark_event(&mut self, now: Time, text: String) {
+        self.changes.insert(Subject::Marks);
+        self.add_event(now, EventKind::Mark, Vec::new(), text);
     }
 
     fn enter(&mut self, now: Time, request: &OrderRequest) {
@@ -231,7 +260,7 @@ impl Board {
             self.changes.insert(Subject::Orders);
         }
         if is_ours {
-            self.keep(now, message);
+            self.keep(now, sender, message);
         }
     }
 
@@ -243,6 +272,11 @@ impl Board {
     /// Returns the orders and how they fared.
     pub fn orders(&self) -> &OrderBook {
         &self.orders
+    }
+
+    /// Returns where somebody truly stands.
+    pub fn marks(&self) -> &MarkBook {
+        &self.marks
     }
 
     /// Returns what is known of the fleet.
@@ -332,12 +366,14 @@ impl Board {
         });
         let timetable = (!self.plans.is_empty()).then_some(Subject::Timetable);
         let events = (self.events.last() > 0).then_some(Subject::Events);
+        let marks = (!self.marks.is_empty()).then_some(Subject::Marks);
         [Subject::Orders, Subject::Ground]
             .into_iter()
             .chain(vehicles)
             .chain(self.plans.keys().map(|id| Subject::Plan(*id)))
             .chain(timetable)
             .chain(events)
+            .chain(marks)
             .chain(self.radio.pairs().map(Subject::Radio))
             .chain(self.tracks.keys().map(|id| Subject::Track(*id)))
             .chain(self.map.addresses().map(Subject::Tile))
@@ -443,7 +479,7 @@ impl Board {
     }
 
     /// Keeps what the fleet view does not.
-    fn keep(&mut self, now: Time, message: &Message) {
+    fn keep(&mut self, now: Time, sender: Sender, message: &Message) {
         match message {
             Message::Tile(report) => {
                 // What is refused is the map's to judge; a listener has nobody to complain to.
@@ -471,6 +507,11 @@ impl Board {
                 let pairs = self.radio.hear(now, batch);
                 self.changes.extend(pairs.into_iter().map(Subject::Radio));
             }
+            Message::Mark(mark) => {
+                if let Some(text) = self.marks.hear(sender, mark) {
+                    self.mark_event(now, text);
+                }
+            }
             Message::Mission(_)
             | Message::Health(_)
             | Message::Report(_)
@@ -481,8 +522,7 @@ impl Board {
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Task(_)
-            | Message::Fix(_)
-            | Message::Mark(_) => {}
+            | Message::Fix(_) => {}
         }
     }
 

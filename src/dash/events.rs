@@ -1,7 +1,8 @@
 //! What happened: a list of lines made of what nodes say anew of themselves, and of orders with how they fared. Bounded; the
 //! oldest go first.
 //!
-//! It keeps no messages and judges nothing: a line says what has changed between two messages of one node.
+//! It keeps no messages and judges nothing: a line says what has changed between two messages of one node. Lines of orders,
+//! images and marks are its caller's, who knows what of them is new.
 
 use std::collections::VecDeque;
 
@@ -25,6 +26,8 @@ pub enum EventKind {
     Order,
     /// An image has come.
     Image,
+    /// Where somebody truly stands.
+    Mark,
 }
 
 impl EventKind {
@@ -35,6 +38,7 @@ impl EventKind {
             EventKind::Trouble => "trouble",
             EventKind::Order => "order",
             EventKind::Image => "image",
+            EventKind::Mark => "mark",
         }
     }
 }

@@ -53,11 +53,13 @@ pub enum FrameKind {
     Markers = 14,
     /// Text: where one vehicle has been.
     Track = 15,
+    /// Text: where somebody truly stands.
+    Marks = 16,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 15] = [
+    pub const ALL: [FrameKind; 16] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -73,6 +75,7 @@ impl FrameKind {
         FrameKind::Moment,
         FrameKind::Markers,
         FrameKind::Track,
+        FrameKind::Marks,
     ];
 }
 

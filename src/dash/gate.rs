@@ -5,8 +5,8 @@
 //!   names its own. That Origin and Host agree says nothing.
 //! - The feed and every order must come from a page of the server itself (Origin); one without Origin is refused.
 //! - There are two tokens of 128 bits: one may look, the other one may order as well. Nothing is kept in cookies.
-//! - Stop and Hold need no seat. Whatever makes a vehicle move or fall needs it: one page has it, renews it, and loses it
-//!   after [`SEAT_LASTS`]; another one may take it over.
+//! - Stop, Hold and marks need no seat. Whatever makes a vehicle move or fall needs it: one page has it, renews it, and loses
+//!   it after [`SEAT_LASTS`]; another one may take it over.
 //! - Orders are counted; stops by themselves, so that nobody who floods the one keeps back the other.
 
 use std::collections::BTreeSet;
@@ -249,6 +249,18 @@ impl Gate {
             self.take_seat(now, page, request.take_over)?;
         }
         Ok(())
+    }
+
+    /// Judges a mark of a page that may order. It moves nobody, so that it needs no seat: who stands beside the person marks,
+    /// while somebody else drives.
+    ///
+    /// # Errors
+    /// There are too many orders a second.
+    pub fn judge_mark(&mut self, now: Time) -> Result<(), GateRefusal> {
+        self.orders
+            .take(now)
+            .then_some(())
+            .ok_or(GateRefusal::Flood)
     }
 
     /// Returns which page has the seat.

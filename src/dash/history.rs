@@ -3,8 +3,8 @@
 //!
 //! It is bounded. When it has grown too large the oldest parts are thinned: of what replaces itself (a state, a tile, …) only the
 //! last of each second is kept, then of each ten seconds, then of each minute, and then the oldest part goes. What made an
-//! event, and all orders and images, stay as long as their part does. A moment of a thinned part is shown as it was at most
-//! that much earlier, its plans ten times that.
+//! event, and all orders, marks and images, stay as long as their part does. A moment of a thinned part is shown as it was at
+//! most that much earlier, its plans ten times that.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -329,17 +329,20 @@ fn is_shown(input: &BoardInput) -> bool {
                 | Message::Order(_)
                 | Message::Task(_)
                 | Message::Fix(_)
-                | Message::Mark(_)
         ),
         HeardMessage::Greeting(..) => true,
         HeardMessage::Unknown(_) => false,
     }
 }
 
-/// Returns whether an input says again what a board knows. Plans are long, and said again as long as they hold.
+/// Returns whether an input says again what a board knows. Plans are long, and said again as long as they hold; marks are said
+/// until they are stored.
 fn is_known(board: &Board, input: &BoardInput) -> bool {
     match input {
         BoardInput::Heard(HeardMessage::Message(_, Message::Plan(plan))) => board.has_plan(plan),
+        BoardInput::Heard(HeardMessage::Message(sender, Message::Mark(mark))) => {
+            board.marks().knows(*sender, mark)
+        }
         _ => false,
     }
 }

@@ -1,12 +1,14 @@
 //! The links that were measured, run by run, for whoever asks what made a pixel: samples are pooled as the ground station pools them,
 //! each once. It knows those that this server has heard; a server that began in the middle of a run lacks what came before.
 //!
-//! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links.
+//! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the
+//! samples themselves are kept as long as there is room ([`SampleBook`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
 
+use super::sample_book::SampleBook;
 use crate::geom::Point;
 use crate::tomo::{Link, LinkBins};
 
@@ -24,6 +26,8 @@ const LINKS_MAX: usize = 100_000;
 pub struct LinkBook {
     received: BTreeMap<(RunId, VehicleId, Boot), Received>,
     bins: BTreeMap<RunId, LinkBins>,
+    /// Those that are new, as they came.
+    samples: SampleBook,
 }
 
 /// What has come of one source: everything below, and some beyond.
@@ -63,6 +67,8 @@ impl LinkBook {
                 let from = Point::from(sample.transmitter_pose.at);
                 let to = Point::from(sample.receiver_pose.at);
                 bins.record(from, to, sample.rssi_dbm);
+                let who = (batch.vehicle, batch.boot);
+                self.samples.take(batch.run, who, sample);
             }
         }
         if self.bins.len() > RUNS_MAX
@@ -70,6 +76,16 @@ impl LinkBook {
         {
             self.received.retain(|(run, ..), _| *run != oldest);
         }
+    }
+
+    /// Keeps no samples themselves from now on: whoever saves them has a store.
+    pub fn keep_no_samples(&mut self) {
+        self.samples = SampleBook::new(0);
+    }
+
+    /// Returns the samples themselves.
+    pub fn samples(&self) -> &SampleBook {
+        &self.samples
     }
 
     /// Returns the links of a run, in a fixed order.

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{OrderKind, RunId, VehicleId};
+use tomoswarm_proto::{GroundReport, MissionKind, OrderKind, RunId, VehicleId};
 
 use super::gate::PageId;
 use crate::config::{GivenMission, Venue};
@@ -148,6 +148,47 @@ impl OrderRequest {
         }))
     }
 
+    /// Judges a mission by what a ground station says, if one is heard: it plans sweeps, and compares with a run that is over
+    /// and of which it has samples. It names its last runs only: an earlier one is taken as it is.
+    ///
+    /// # Errors
+    /// What the mission lacks, in words.
+    pub fn judge_mission(
+        mission: &MissionRequest,
+        ground: Option<&GroundReport>,
+    ) -> Result<(), String> {
+        let is_swept = MissionKind::from(&mission.kind) == MissionKind::Sweep;
+        let Some(report) = ground else {
+            let lacks = match (is_swept, mission.compare_with) {
+                (true, _) => "a sweep is planned by a ground station".to_owned(),
+                (false, Some(run)) => format!("a ground station compares with run {run}"),
+                (false, None) => return Ok(()),
+            };
+            return Err(format!("{lacks}, and none is heard"));
+        };
+        let Some(wanted) = mission.compare_with else {
+            return Ok(());
+        };
+        let runs = &report.runs;
+        let refused = |why: &str| Err(format!("compare_with: run {wanted} {why}"));
+        match runs.iter().find(|run| run.run == wanted) {
+            Some(run) if run.end.is_none() => refused("is not over yet"),
+            Some(run) if run.samples == 0 => refused("has no samples: nothing was measured"),
+            Some(_) => Ok(()),
+            None if runs.first().is_some_and(|first| wanted < first.run) => Ok(()),
+            None => {
+                let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
+                let known = match known.is_empty() {
+                    true => "none".to_owned(),
+                    false => known.join(", "),
+                };
+                refused(&format!(
+                    "is none that the ground station has; it has {known}"
+                ))
+            }
+        }
+    }
+
     /// Returns what the operator is told, under a number; `None` of what is not for the operator.
     pub fn input(&self, number: u32, mission: Option<MissionRequest>) -> Option<In> {
         let vehicles = self.targets();
@@ -252,6 +293,7 @@ impl OrderBook {
 mod tests {
     use super::*;
     use crate::config;
+    use tomoswarm_proto::{RunEnd, RunReport};
 
     fn read(body: &str) -> Result<OrderRequest, String> {
         OrderRequest::read(body.as_bytes())
@@ -362,6 +404,77 @@ mod tests {
         ] {
             let refused = mission(&body(order, said)).unwrap_err();
             assert!(refused.contains(reason), "{said}: {refused}");
+        }
+    }
+
+    #[test]
+    fn a_sweep_needs_a_ground_station_and_is_compared_with_a_run_that_is_over_and_was_measured() {
+        let run = |run, end, samples| RunReport {
+            run: RunId(run),
+            end,
+            samples,
+            ..RunReport::default()
+        };
+        let report = GroundReport {
+            runs: vec![
+                run(3, Some(RunEnd::Done), 40),
+                run(4, Some(RunEnd::Failed), 0),
+                run(5, None, 7),
+            ],
+            ..GroundReport::default()
+        };
+        let new = GroundReport::default();
+        let judged = |kind: &str, with: Option<u32>, ground: Option<&GroundReport>| {
+            let with = with.map_or("null".to_owned(), |run| run.to_string());
+            let body = format!(
+                r#"{{"order":"start","page":1,"mission":{{"kind":"{kind}","compare_with":{with}}}}}"#
+            );
+            OrderRequest::judge_mission(&mission(&body).unwrap().unwrap(), ground)
+        };
+        for (kind, with, ground) in [
+            ("sweep", None, Some(&new)),
+            ("sweep", Some(3), Some(&report)),
+            // It names its last runs only.
+            ("fan", Some(1), Some(&report)),
+            ("explore", None, None),
+        ] {
+            assert_eq!(judged(kind, with, ground), Ok(()), "{kind} {with:?}");
+        }
+        for (kind, with, ground, reason) in [
+            (
+                "sweep",
+                None,
+                None,
+                "a sweep is planned by a ground station, and none is heard",
+            ),
+            (
+                "explore",
+                Some(3),
+                None,
+                "a ground station compares with run 3, and none is heard",
+            ),
+            (
+                "sweep",
+                Some(4),
+                Some(&report),
+                "compare_with: run 4 has no samples",
+            ),
+            (
+                "sweep",
+                Some(5),
+                Some(&report),
+                "compare_with: run 5 is not over yet",
+            ),
+            (
+                "sweep",
+                Some(9),
+                Some(&report),
+                "run 9 is none that the ground station has; it has 3, 4, 5",
+            ),
+            ("sweep", Some(1), Some(&new), "it has none"),
+        ] {
+            let refused = judged(kind, with, ground).unwrap_err();
+            assert!(refused.contains(reason), "{kind} {with:?}: {refused}");
         }
     }
 

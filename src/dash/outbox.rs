@@ -237,6 +237,7 @@ impl Outbox {
             | Subject::Vehicle(_)
             | Subject::Plan(_)
             | Subject::Timetable
+            | Subject::Marks
             | Subject::Track(_)
             | Subject::Finds(_) => bytes(subject),
         };
@@ -287,6 +288,7 @@ fn rate(subject: Subject) -> Option<(usize, Duration)> {
         | Subject::Vehicle(_)
         | Subject::Plan(_)
         | Subject::Timetable
+        | Subject::Marks
         | Subject::Events
         | Subject::Markers
         | Subject::Track(_)
@@ -304,6 +306,7 @@ fn class(subject: Subject) -> usize {
         | Subject::Vehicle(_)
         | Subject::Plan(_)
         | Subject::Timetable
+        | Subject::Marks
         | Subject::Events
         | Subject::Moment
         | Subject::Markers

@@ -21,6 +21,7 @@ use super::board::{Board, BoardInput, Subject};
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
 use super::history::History;
 use super::links::LinkBook;
+use super::marks::MarkOrder;
 use super::orders::{OrderRequest, OrderWord};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
@@ -185,6 +186,11 @@ impl PageServer {
         self.imaging = Some([structure, change]);
     }
 
+    /// Takes that runs are saved from a store, so that samples need not be kept here.
+    pub fn keep_no_samples(&mut self) {
+        self.links.keep_no_samples();
+    }
+
     /// Takes that nothing more will be told: this is a recording, which pages see from its beginning.
     pub fn end_history(&mut self) {
         self.is_over = true;
@@ -197,12 +203,15 @@ impl PageServer {
         }
     }
 
-    /// Takes what the operator says of an order.
+    /// Takes what the operator says of an order or of a mark.
     pub fn operator_said(&mut self, now: Time, out: &Out) {
         if let Out::Ended(GoalId::Hand(number), outcome)
         | Out::InForce(GoalId::Hand(number), outcome) = out
         {
             self.tell(now, &BoardInput::Ended(*number, outcome.clone()));
+        }
+        if let Out::Marked(number, outcome) = out {
+            self.tell(now, &BoardInput::MarkEnded(*number, *outcome));
         }
     }
 
@@ -297,10 +306,35 @@ impl PageServer {
         let mission = request
             .mission(&self.venue)
             .map_err(GateRefusal::Unreadable)?;
+        if let Some(mission) = &mission {
+            let ground = self.board.view().ground(now).map(|report| &report.value);
+            let judged = OrderRequest::judge_mission(mission, ground);
+            judged.map_err(GateRefusal::Unreadable)?;
+        }
         self.tell(now, &BoardInput::Ordered(request.clone()));
         let number = self.board.orders().last();
         self.effects
             .extend(request.input(number, mission).map(PageEffect::Tell));
+        Ok(number)
+    }
+
+    /// Takes a mark whose Host and Origin were judged; returns its number among the marks.
+    ///
+    /// # Errors
+    /// Its token or what it says is refused; nothing is marked then.
+    pub fn mark(
+        &mut self,
+        now: Time,
+        authorization: Option<&str>,
+        body: &[u8],
+    ) -> Result<u32, GateRefusal> {
+        self.gate.judge_authorization(authorization)?;
+        let order = MarkOrder::read(body).map_err(GateRefusal::Unreadable)?;
+        self.gate.judge_mark(now)?;
+        self.tell(now, &BoardInput::MarkGiven(order.clone()));
+        let number = self.board.marks().last();
+        let told = PageEffect::Tell(In::Mark(number, order.request()));
+        self.effects.push(told);
         Ok(number)
     }
 

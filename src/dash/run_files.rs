@@ -1,45 +1,68 @@
-//! Files that a page saves on its browser's machine: the links of a run as `tomoswarm export` and `tomoswarm image` have them, and
-//! places as a mission of QGroundControl. It makes text and writes nothing.
+//! Files that a page saves on its browser's machine: what a host has of a run ([`RunFiles`]), and places as a mission of
+//! QGroundControl. It makes text and writes nothing.
 
-use std::fmt::Write;
+use serde_json::json;
+use tomoswarm_proto::RunId;
 
-use crate::config::Venue;
-use crate::config::WaypointFile;
+use crate::config::{Venue, WaypointFile};
 use crate::geom::Geodetic;
-use crate::tomo::Link;
 
-/// The columns of a links file.
-const LINKS_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
 /// Places farther away than this are none of a venue, metres.
 const FARTHEST_M: f64 = 1e5;
 
-/// Returns a links file: one line per link, with an empty strength where no packet was heard.
-pub fn links_csv(links: &[Link]) -> String {
-    let mut text = format!("{LINKS_HEADER}\n");
-    for link in links {
-        let Link {
-            from,
-            to,
-            packets,
-            spots,
-            misses,
-            mean_dbm,
-            spread_db,
-        } = link;
-        let heard = (*packets > 0).then(|| mean_dbm.to_string());
-        let rssi = heard.unwrap_or_default();
-        let ends = format!("{},{},{},{}", from.x_m, from.y_m, to.x_m, to.y_m);
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "{ends},{packets},{rssi},{spots},{misses},{spread_db}");
-    }
-    text
+/// The header of a file of marks.
+pub const MARKS_HEADER: &str = "run,x_m,y_m,z_m,marked";
+
+/// The files of runs as `tomoswarm export` writes them, by their names.
+pub trait RunFiles {
+    /// Returns the names of the files that there are of a run.
+    ///
+    /// # Errors
+    /// There is no such run; in words.
+    fn names(&self, run: RunId) -> Result<Vec<String>, String>;
+
+    /// Returns what a file of a run holds.
+    ///
+    /// # Errors
+    /// There is no such run or no such file, or it cannot be made; in words.
+    fn file(&self, run: RunId, name: &str) -> Result<Vec<u8>, String>;
 }
 
-/// Returns places, x and y in metres, as a mission (QGC WPL 110) whose home is the first home of the venue.
+/// Returns what was asked for: a file, or without a name which files there are, and from where (JSON).
+///
+/// # Errors
+/// [`RunFiles`].
+pub fn exported(
+    files: &(impl RunFiles + ?Sized),
+    source: &str,
+    (run, name): (RunId, Option<&str>),
+) -> Result<Vec<u8>, String> {
+    let Some(name) = name else {
+        let names = files.names(run)?;
+        let listed = json!({ "run": run.0, "from": source, "files": names });
+        return Ok(listed.to_string().into_bytes());
+    };
+    files.file(run, name)
+}
+
+/// In which format a mission is saved.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum MissionFormat {
+    /// Text: QGC WPL 110 (`.waypoints`).
+    Waypoints,
+    /// JSON: a `.plan` of QGroundControl.
+    Plan,
+}
+
+/// Returns places, x and y in metres, as a mission whose home is the first home of the venue.
 ///
 /// # Errors
 /// There are none, too many, or one that is nowhere near; in words.
-pub fn waypoints(venue: &Venue, places: &[[f64; 2]]) -> Result<String, String> {
+pub fn waypoints(
+    venue: &Venue,
+    places: &[[f64; 2]],
+    format: MissionFormat,
+) -> Result<String, String> {
     let is_near = |at: &&[f64; 2]| at.iter().all(|metres| metres.abs() < FARTHEST_M);
     if let Some(far) = places.iter().find(|at| !is_near(at)) {
         return Err(format!(
@@ -52,14 +75,34 @@ pub fn waypoints(venue: &Venue, places: &[[f64; 2]]) -> Result<String, String> {
     let home = venue.homes.first();
     let home = home.map_or([0.0, 0.0], |at| [at.x_m, at.y_m]);
     let track: Vec<Geodetic> = places.iter().map(|at| place(*at)).collect();
-    Ok(WaypointFile::of_track(place(home), &track)?.to_wpl())
+    let file = WaypointFile::of_track(place(home), &track)?;
+    Ok(match format {
+        MissionFormat::Waypoints => file.to_wpl(),
+        MissionFormat::Plan => file.to_plan(),
+    })
+}
+
+/// Returns the places of a mission, `.waypoints` or `.plan`, x and y in metres (JSON).
+///
+/// # Errors
+/// All that is wrong with it, in words.
+pub fn places_of(venue: &Venue, text: &str) -> Result<String, String> {
+    let file = WaypointFile::read("the file", text).map_err(|problems| problems.to_string())?;
+    let places = file.points(&venue.plane()).into_iter();
+    let rounded = |metres: f64| (metres * 1e3).round() / 1e3;
+    let places: Vec<[f64; 2]> = places
+        .map(|(_, at)| [rounded(at.x_m), rounded(at.y_m)])
+        .collect();
+    match places.is_empty() {
+        true => Err("the file: it leads to no place".to_owned()),
+        false => Ok(json!(places).to_string()),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::{self, Config};
-    use crate::geom::Point;
 
     fn venue() -> Venue {
         let text = "kind = \"venue\"\nname = \"small\"\narea_m = [0.4, 0.4, 5.6, 3.6]\n\
@@ -73,32 +116,39 @@ mod tests {
 
     #[test]
     fn places_come_back_from_the_file_that_is_made_of_them() {
-        let text = waypoints(&venue(), &[[1.0, 2.0], [5.0, 3.5]]).unwrap();
-        let read = WaypointFile::read("a.waypoints", &text).unwrap();
-        let points = read.points(&venue().plane());
-        let near = |at: Point, x_m: f64, y_m: f64| at.distance_to(Point::new(x_m, y_m)) < 0.01;
-        assert_eq!(points.len(), 2, "{text}");
-        assert!(
-            near(points[0].1, 1.0, 2.0) && near(points[1].1, 5.0, 3.5),
-            "{points:?}"
-        );
+        for (format, begins) in [
+            (MissionFormat::Waypoints, "QGC WPL 110"),
+            (MissionFormat::Plan, "{"),
+        ] {
+            let text = waypoints(&venue(), &[[1.0, 2.0], [5.0, 3.5]], format).unwrap();
+            assert!(text.starts_with(begins), "{text}");
+            let read = places_of(&venue(), &text).unwrap();
+            assert_eq!(read, "[[1.0,2.0],[5.0,3.5]]", "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_mission_is_refused_with_what_is_wrong() {
+        let home = "0\t1\t0\t16\t0\t0\t0\t0\t52\t4\t0\t1";
+        for (text, reason) in [
+            ("", "the file"),
+            ("{\"fileType\": \"Plan\"}", "mission"),
+            (&format!("QGC WPL 110\n{home}\n"), "is no mission"),
+            (
+                &format!("QGC WPL 110\n{home}\n1\t0\t2\t93\t5\t0\t0\t0\t0\t0\t0\t1\n"),
+                "no place",
+            ),
+        ] {
+            let refused = places_of(&venue(), text).unwrap_err();
+            assert!(refused.contains(reason), "{text}: {refused}");
+        }
     }
 
     #[test]
     fn no_place_a_place_nowhere_and_no_number_are_refused() {
         for places in [&[][..], &[[1.0, 1e9]], &[[f64::NAN, 0.0]]] {
-            assert!(waypoints(&venue(), places).is_err(), "{places:?}");
+            let saved = waypoints(&venue(), places, MissionFormat::Plan);
+            assert!(saved.is_err(), "{places:?}");
         }
-    }
-
-    #[test]
-    fn a_link_that_was_not_heard_has_no_strength() {
-        let heard = Link::fixed(Point::new(0.0, 1.0), Point::new(4.0, 1.5), 3, -61.5);
-        let mut missed = heard;
-        (missed.packets, missed.misses) = (0, 7);
-        let text = links_csv(&[heard, missed]);
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[1], "0,1,4,1.5,3,-61.5,1,0,0");
-        assert_eq!(lines[2], "0,1,4,1.5,0,,1,7,0");
     }
 }

@@ -13,12 +13,14 @@ use tomoswarm_proto::{
 
 use super::board::{Board, EarlierFinds};
 use super::events::Event;
+use super::marks::{GivenMark, MarkState};
 use super::orders::GivenOrder;
 use super::outbox::Shown;
 use super::records::{MODES, STANDS_UNDER, subject_number};
 use super::timetable::SHOWN_SPEED_MPS;
 use crate::config::{DeclaredKey, GivenMission, Venue};
 use crate::geom::{Point, Polygon};
+use crate::operator::given_marks::MarkOutcome;
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
 use crate::scene::{Outline, Person};
@@ -396,6 +398,36 @@ fn given(now: Time, order: &GivenOrder) -> Value {
         "refused": order.outcome.as_ref().and_then(|outcome| outcome.refused).map(|why| why.to_string()),
         "fates": order.outcome.as_ref().map(fates),
     })
+}
+
+/// Returns where somebody truly stands, and how the last marks of pages fared.
+pub fn marks(now: Time, board: &Board) -> String {
+    let known = board.marks().known().map(|(run, at, state)| {
+        let state = match state {
+            MarkState::Stored => "stored",
+            MarkState::Asked => "asked",
+            MarkState::TakingBack => "taking back",
+        };
+        json!({ "run": run.0, "at": position(at), "state": state })
+    });
+    let given = |given: &GivenMark| {
+        json!({
+            "number": given.number,
+            "at": position(given.order.place()),
+            "run": given.order.run,
+            "takeBack": given.order.take_back,
+            "page": given.order.page,
+            "age_s": now.since(given.at).as_secs_f64(),
+            "isOver": given.outcome.is_some(),
+            "isDone": matches!(given.outcome, Some(MarkOutcome::Stored(_))),
+            "words": given.outcome.map(|outcome| outcome.to_string()),
+        })
+    };
+    json!({
+        "marks": known.collect::<Vec<_>>(),
+        "given": board.marks().given().map(given).collect::<Vec<_>>(),
+    })
+    .to_string()
 }
 
 /// Returns what became of an order, in one line.

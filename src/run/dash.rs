@@ -24,6 +24,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use self::pages::Pages;
+pub use self::pages::SharedRunFiles;
 pub use self::recorded::RecordedPage;
 pub use self::simulated::SimulationPage;
 pub use self::tls::PageCertificate;
@@ -158,6 +159,11 @@ impl Dashboard {
             operator,
             links,
         })
+    }
+
+    /// Takes the store of a ground station on this machine, whose runs pages can save.
+    pub fn set_store(&mut self, store: SharedRunFiles) {
+        self.pages.set_store(store);
     }
 
     /// Returns the link that may look, and the one that may order as well.

@@ -49,6 +49,8 @@ use crate::time::Time;
 
 /// Batches and tiles that may wait for the store.
 const QUEUE: usize = 4096;
+/// The name of the store in the ground station's folder.
+pub const STORE: &str = "ground.sqlite";
 
 /// Why the ground station's process cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -129,7 +131,7 @@ pub fn run(
         note,
         new_id,
     };
-    let store = GroundStore::open(&state_dir.join("ground.sqlite"), &start)?;
+    let store = GroundStore::open(&state_dir.join(STORE), &start)?;
     let holder = membership::draw()?;
     let stops_file = StopsFile::at(state_dir.join("stops"));
     let source = ActorSettings {

@@ -79,7 +79,7 @@ impl Dash {
     }
 
     /// Sends a request, and returns the status and all that is answered.
-    fn ask(&self, request: &str) -> (u16, String) {
+    pub fn ask(&self, request: &str) -> (u16, String) {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         stream
             .set_read_timeout(Some(Duration::from_secs(5)))
@@ -95,13 +95,24 @@ impl Dash {
 
     /// Posts an order with these headers.
     pub fn post(&self, host: &str, origin: &str, token: &str, body: &str) -> (u16, String) {
+        self.post_to("/order", (host, origin), token, body)
+    }
+
+    /// Posts something to a path.
+    pub fn post_to(
+        &self,
+        path: &str,
+        (host, origin): (&str, &str),
+        token: &str,
+        body: &str,
+    ) -> (u16, String) {
         let origin = if origin.is_empty() {
             String::new()
         } else {
             format!("Origin: {origin}\r\n")
         };
         self.ask(&format!(
-            "POST /order HTTP/1.1\r\nHost: {host}\r\n{origin}Authorization: Bearer {token}\r\nContent-Length: {}\r\n\
+            "POST {path} HTTP/1.1\r\nHost: {host}\r\n{origin}Authorization: Bearer {token}\r\nContent-Length: {}\r\n\
              Connection: close\r\n\r\n{body}",
             body.len()
         ))
@@ -447,7 +458,7 @@ fn golden_frames(browser: &mut Browser) {
 }
 
 /// Returns the colour of the scene at a place.
-fn pixel(browser: &mut Browser, [x_m, y_m]: [f64; 2]) -> Vec<u64> {
+pub fn pixel(browser: &mut Browser, [x_m, y_m]: [f64; 2]) -> Vec<u64> {
     let read = browser.eval(&format!(
         "(() => {{ const {{ scene }} = tomoswarm, [x, y] = scene.toPixel({x_m}, {y_m}), r = scene.canvas.width / scene.canvas.clientWidth;
            return [...scene.canvas.getContext('2d').getImageData(Math.round(x * r), Math.round(y * r), 1, 1).data]; }})()"
@@ -839,7 +850,7 @@ fn on_a_phone(dash: &Dash) {
 }
 
 /// Presses an element for so long.
-fn hold(browser: &mut Browser, selector: &str, hold_ms: u64) {
+pub fn hold(browser: &mut Browser, selector: &str, hold_ms: u64) {
     browser.pointer("mousePressed", selector);
     std::thread::sleep(Duration::from_millis(hold_ms));
     browser.pointer("mouseReleased", selector);

@@ -32,6 +32,12 @@ mod operator;
 #[cfg(feature = "dash")]
 mod page_3d;
 #[cfg(feature = "dash")]
+mod page_begin;
+#[cfg(feature = "dash")]
+mod page_export;
+#[cfg(feature = "dash")]
+mod page_marks;
+#[cfg(feature = "dash")]
 mod page_process;
 #[cfg(feature = "dash")]
 mod page_tls;

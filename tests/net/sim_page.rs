@@ -95,6 +95,12 @@ fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
     assert!(answer.contains("takes no orders"), "{answer}");
     let (status, _) = dash.post(&own, &format!("http://{own}"), "", stop);
     assert_eq!(status, 401, "an empty token is none");
+    let here = r#"{"at":[1,2],"page":1}"#;
+    let (status, answer) = dash.post_to("/mark", (&own, &format!("http://{own}")), token, here);
+    assert!(
+        status == 403 && answer.contains("takes no orders"),
+        "{answer}"
+    );
 
     if let Some(mut browser) = Browser::open(1280, 800) {
         browser.go(&dash.look);

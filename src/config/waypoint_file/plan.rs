@@ -1,9 +1,10 @@
 //! QGroundControl's `.plan`: JSON of file version 1 with a mission of version 2, whose simple items have a frame, a
-//! command and seven parameters (null = not given).
+//! command and seven parameters (null = not given). What is written follows QGroundControl's own description of the format
+//! (developer guide, "Plan File Format").
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
-use super::item::{RawItem, is_on_the_planet, key_of, param_key};
+use super::item::{RawItem, is_on_the_planet, key_of, numbers, param_key};
 use super::{MOST_ITEMS, MissionItem, Notes, Origin, WaypointFile};
 use crate::geom::Geodetic;
 
@@ -216,6 +217,44 @@ fn params(value: Option<&Value>, origin: &Origin, notes: &mut Notes) -> Option<[
         }
     }
     are_numbers.then_some(params)
+}
+
+/// Writes a whole file. Speeds, fence and rally points, of which a mission here knows nothing, are those that QGroundControl
+/// takes for none; the autopilot is ArduPilot's (firmware 3), the vehicle a rover (type 10).
+pub(super) fn write(file: &WaypointFile) -> String {
+    let home = file.home.map_or([0.0; 3], |home| {
+        [home.latitude_deg, home.longitude_deg, home.altitude_m]
+    });
+    let item = |(index, item): (usize, &MissionItem)| {
+        let (frame, command, params) = numbers(item);
+        json!({
+            "type": "SimpleItem",
+            "autoContinue": true,
+            "doJumpId": index + 1,
+            "command": command,
+            "frame": frame,
+            "params": params,
+        })
+    };
+    let items: Vec<Value> = file.items.iter().enumerate().map(item).collect();
+    let plan = json!({
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "tomoswarm",
+        "mission": {
+            "version": 2,
+            "firmwareType": 3,
+            "vehicleType": 10,
+            "globalPlanAltitudeMode": 1,
+            "cruiseSpeed": 1,
+            "hoverSpeed": 1,
+            "plannedHomePosition": home,
+            "items": items,
+        },
+        "geoFence": { "version": 2, "circles": [], "polygons": [] },
+        "rallyPoints": { "version": 2, "points": [] },
+    });
+    format!("{plan:#}\n")
 }
 
 /// Returns what was found as text; short, however large it is.

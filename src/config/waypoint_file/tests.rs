@@ -465,6 +465,8 @@ proptest! {
         let mut file = WaypointFile { home, items: Vec::new(), origins: Vec::new() };
         items.iter().for_each(|item| file.push(*item, wpl::origin_of(file.items.len())));
         let back = WaypointFile::read("m.waypoints", &file.to_wpl()).unwrap();
+        let plan = WaypointFile::read("t.plan", &file.to_plan()).unwrap();
+        prop_assert_eq!((plan.items(), plan.home), (file.items(), file.home));
         prop_assert_eq!(back, file);
     }
 
@@ -522,8 +524,14 @@ fn for_an_autopilot_jumps_and_commands_that_are_not_known_here_are_read_as_well(
         2,
         "both lead somewhere"
     );
-    let again = WaypointFile::read_stored("m.waypoints", &file.to_wpl()).unwrap();
-    assert_eq!(again.items(), file.items());
+    for text in [file.to_wpl(), file.to_plan()] {
+        let again = WaypointFile::read_stored("m.waypoints", &text).unwrap();
+        assert_eq!(
+            (again.items(), again.home),
+            (file.items(), file.home),
+            "{text}"
+        );
+    }
 }
 
 #[test]

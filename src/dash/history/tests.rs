@@ -4,14 +4,16 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use tomoswarm_proto::{
-    Boot, Health, ImageSubject, Lease, OpenStops, Position, Rectangle, RunId, TILE_CELLS,
-    TileReport,
+    Boot, Health, ImageSubject, Lease, Mark, OpenStops, OperatorId, Position, Rectangle, RunId,
+    TILE_CELLS, TileReport,
 };
 
 use super::*;
 use crate::dash::contents::everything;
+use crate::dash::marks::MarkOrder;
 use crate::dash::orders::OrderRequest;
 use crate::geom::Lattice;
+use crate::operator::given_marks::MarkOutcome;
 use crate::operator::tests_support::{at, heard, report, state};
 
 fn board() -> Board {
@@ -75,6 +77,23 @@ fn order() -> BoardInput {
     BoardInput::Ordered(OrderRequest::read(br#"{"order":"hold","page":1,"vehicles":[1]}"#).unwrap())
 }
 
+fn mark(x_m: i32, stands: bool, is_stored: bool) -> BoardInput {
+    let sender = match is_stored {
+        true => Sender::Ground,
+        false => Sender::Operator(OperatorId(2)),
+    };
+    let mark = Mark {
+        run: RunId(1),
+        at: Position::from_metres(f64::from(x_m), 1.0, 0.0),
+        stands,
+    };
+    BoardInput::Heard(HeardMessage::Message(sender, Message::Mark(mark)))
+}
+
+fn mark_given() -> BoardInput {
+    BoardInput::MarkGiven(MarkOrder::read(br#"{"at":[1,2],"page":1}"#).unwrap())
+}
+
 fn ground(laps_done: u32) -> BoardInput {
     let report = tomoswarm_proto::GroundReport {
         laps_done,
@@ -91,6 +110,9 @@ fn input() -> impl Strategy<Value = BoardInput> {
         2 => (1..4_u8, any::<bool>()).prop_map(|(id, trouble)| health(id, trouble)),
         1 => Just(image(0)),
         1 => Just(order()),
+        2 => (0..2_i32, any::<bool>(), any::<bool>()).prop_map(|(x, stands, stored)| mark(x, stands, stored)),
+        1 => Just(mark_given()),
+        1 => (1..4_u32).prop_map(|number| BoardInput::MarkEnded(number, MarkOutcome::NoRun)),
         1 => (0..3_u32).prop_map(ground),
         1 => any::<bool>().prop_map(BoardInput::Linked),
         1 => Just(BoardInput::Heard(heard(Message::Standing(OpenStops::default())))),
@@ -221,6 +243,47 @@ fn a_history_of_little_room_forgets_its_beginning_and_stays_within_it() {
     let (from, to) = history.span().unwrap();
     assert!(from > at(60.0) && to == at(599.99), "{from} {to}");
     assert!(history.markers().len() > 20);
+}
+
+/// Ten minutes of states, a mark at their beginning that is said on for a while, and that it is taken back in their middle.
+fn ten_minutes_with_a_mark(bytes_max: usize) -> History {
+    let (mut history, mut present) = (History::new(bytes_max), board());
+    let mut tell = |at_s: f64, input: BoardInput| {
+        history.tell(at(at_s), &mut present, &input).unwrap();
+        history.bytes()
+    };
+    let bytes = tell(0.0, mark(1, true, true));
+    for tick in 1..100 {
+        let after = tell(f64::from(tick) / 5.0, mark(1, true, false));
+        assert_eq!(after, bytes, "it is stored already");
+    }
+    for tick in 0..60_000_u64 {
+        let at_s = 30.0 + tick as f64 / 100.0;
+        tell(at_s, state_of((tick % 5) as u8 + 1, tick, false));
+        if tick == 30_000 {
+            tell(at_s, mark(1, false, true));
+        }
+    }
+    history
+}
+
+#[test]
+fn where_somebody_was_marked_stays_in_a_thinned_history_and_what_is_said_again_takes_no_room() {
+    let whole = ten_minutes_with_a_mark(usize::MAX);
+    let thinned = ten_minutes_with_a_mark(whole.bytes() / 2);
+    assert!(thinned.bytes() < whole.bytes() * 3 / 4);
+    assert_eq!(thinned.span(), whole.span());
+    for history in [&whole, &thinned] {
+        let known = |moment_s: f64| {
+            let board = told_again(history, at(moment_s), 5000);
+            board.marks().known().count()
+        };
+        let counts = [20.0, 320.0, 331.0, 600.0].map(known);
+        assert_eq!(counts, [1, 1, 0, 0]);
+        let kinds = history.markers().iter().map(|marker| marker.kind);
+        let of_marks = kinds.filter(|kind| *kind == EventKind::Mark).count();
+        assert_eq!(of_marks, 2);
+    }
 }
 
 #[test]

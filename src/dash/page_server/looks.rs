@@ -8,14 +8,15 @@ use tomoswarm_proto::{ImageSubject, RunId};
 
 use super::PageServer;
 use crate::dash::gate::GateRefusal;
+use crate::dash::heard_files::HeardFiles;
 use crate::dash::metrics::metrics;
-use crate::dash::run_files::{links_csv, waypoints};
+use crate::dash::run_files::{MissionFormat, exported, places_of, waypoints};
 use crate::dash::why::{WhyJob, WhyQuestion, settings_of};
 use crate::geom::Point;
 use crate::operator::preflight::{Requirements, inspect, is_go};
 use crate::operator::status::Expected;
 use crate::time::Time;
-use crate::tomo::ImagingSettings;
+use crate::tomo::{ImagingSettings, links_csv};
 
 impl PageServer {
     /// Returns the metrics for whoever may look.
@@ -63,7 +64,32 @@ impl PageServer {
         Ok(links_csv(&links))
     }
 
-    /// Returns places (JSON, `[[x, y], …]`, metres) as a mission of QGroundControl, for whoever may look.
+    /// Judges whether who asks may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn judge_looking(&self, authorization: Option<&str>) -> Result<(), GateRefusal> {
+        self.gate.judge_looking(authorization)
+    }
+
+    /// Returns a file of a run as far as it was heard, or without a name which files there are; whoever asks may look.
+    ///
+    /// # Errors
+    /// Nothing was heard of the run, or there is no such file.
+    pub fn heard_file(&self, run: RunId, name: Option<&str>) -> Result<Vec<u8>, GateRefusal> {
+        let files = HeardFiles {
+            venue: &self.venue,
+            board: &self.board,
+            links: &self.links,
+        };
+        let source = match self.links.samples().left_out(run) {
+            0 => "what this page's program has heard".to_owned(),
+            count => format!("what this page's program has heard; {count} samples had no room"),
+        };
+        exported(&files, &source, (run, name)).map_err(GateRefusal::Unreadable)
+    }
+
+    /// Returns places (JSON, `[[x, y], …]`, metres) as a mission of QGroundControl in a format, for whoever may look.
     ///
     /// # Errors
     /// The token is none of this server's; they are no places of the venue.
@@ -71,11 +97,23 @@ impl PageServer {
         &self,
         authorization: Option<&str>,
         places: &[u8],
+        format: MissionFormat,
     ) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
         let places: Vec<[f64; 2]> = serde_json::from_slice(places)
             .map_err(|error| GateRefusal::Unreadable(format!("no places: {error}")))?;
-        waypoints(&self.venue, &places).map_err(GateRefusal::Unreadable)
+        waypoints(&self.venue, &places, format).map_err(GateRefusal::Unreadable)
+    }
+
+    /// Returns the places (JSON, `[[x, y], …]`, metres) of a mission, `.waypoints` or `.plan`, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's; all that is wrong with the file.
+    pub fn places(&self, authorization: Option<&str>, text: &[u8]) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let text = str::from_utf8(text)
+            .map_err(|_| GateRefusal::Unreadable("the file is no text".to_owned()))?;
+        places_of(&self.venue, text).map_err(GateRefusal::Unreadable)
     }
 
     /// Returns what is needed to say which links made a pixel of the newest image, for whoever may look.

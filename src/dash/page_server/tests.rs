@@ -7,9 +7,12 @@ use super::*;
 use crate::dash::frame::FrameKind;
 use crate::dash::gate::PAGES_MAX;
 use crate::geom::Lattice;
+use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::outcome::OrderOutcome;
-use crate::operator::tests_support::{at, heard, state};
-use tomoswarm_proto::{EmergencyName, EmergencyStop, OpenStops, OperatorId, Sender, VehicleId};
+use crate::operator::tests_support::{at, heard, report, state};
+use tomoswarm_proto::{
+    EmergencyName, EmergencyStop, Mark, OpenStops, OperatorId, Position, RunId, Sender, VehicleId,
+};
 
 const LOOK: &str = "00112233445566778899aabbccddeeff";
 const OPERATE: &str = "ffeeddccbbaa99887766554433221100";
@@ -242,6 +245,116 @@ fn what_a_vehicle_says_of_itself_reaches_the_page_as_it_is() {
     assert_eq!(rows[0]["health"]["troubles"], json!([evil]));
 }
 
+/// A mark of a page that has no seat.
+const MARK: &str = r#"{"at":[3.2,7.5],"page":1,"run":2}"#;
+
+fn mark(server: &mut PageServer, at_s: f64, token: &str, body: &str) -> Result<u32, GateRefusal> {
+    let header = format!("Bearer {token}");
+    server.mark(at(at_s), Some(&header), body.as_bytes())
+}
+
+/// The marks that a page is shown within a second, while it draws.
+fn marks_seen(server: &mut PageServer, page: PageId, from_s: f64) -> Vec<Value> {
+    let step = |step: u8| {
+        let now = at(from_s + f64::from(step) / 10.0);
+        server.page_said(now, page, r#"{"credit":2}"#).unwrap();
+        texts(&server.due(now), page, FrameKind::Marks)
+    };
+    (0..10).flat_map(step).collect()
+}
+
+#[test]
+fn a_mark_needs_no_seat_reaches_the_operator_and_all_pages_see_how_it_fares() {
+    let mut server = server();
+    let one = page(&mut server, 0.0, LOOK);
+    assert_eq!(mark(&mut server, 1.0, OPERATE, MARK), Ok(1));
+    let effects = server.due(at(1.0));
+    let expected = MarkRequest {
+        run: Some(RunId(2)),
+        at: Position::from_metres(3.2, 7.5, 0.0),
+        stands: true,
+        within: Duration::from_secs(5),
+    };
+    assert!(effects.contains(&PageEffect::Tell(In::Mark(1, expected))));
+    let stored = Mark {
+        run: RunId(2),
+        at: expected.at,
+        stands: true,
+    };
+    let mut seen = marks_seen(&mut server, one, 1.1);
+    server.hear(at(2.2), &heard(Message::Mark(stored)));
+    server.operator_said(at(2.3), &Out::Marked(1, MarkOutcome::Stored(stored)));
+    seen.extend(marks_seen(&mut server, one, 2.4));
+    let (first, last) = (seen.first().unwrap(), seen.last().unwrap());
+    assert_eq!(
+        (&first["marks"], &first["given"][0]["isOver"]),
+        (&json!([]), &json!(false))
+    );
+    let known = json!([{ "run": 2, "at": [3.2, 7.5], "state": "stored" }]);
+    assert_eq!(last["marks"], known);
+    let given = &last["given"][0];
+    assert_eq!(
+        (&given["isDone"], &given["words"]),
+        (&json!(true), &json!("run 2: (3.2, 7.5) is marked"))
+    );
+    let lines: Vec<&str> = server
+        .board()
+        .events()
+        .after(0)
+        .map(|event| event.text.as_str())
+        .collect();
+    let expected = [
+        "mark 1: mark (3.2, 7.5), by page 1",
+        "run 2: marked (3.2, 7.5)",
+        "mark 1: run 2: (3.2, 7.5) is marked",
+    ];
+    assert_eq!(lines, expected);
+}
+
+#[test]
+fn marks_of_whoever_may_not_and_what_is_no_mark_are_refused_and_told_to_nobody() {
+    let mut of_swarm = server();
+    for (token, body, expected) in [
+        ("", MARK, GateRefusal::Token),
+        (&OPERATE[1..], MARK, GateRefusal::Token),
+        (LOOK, MARK, GateRefusal::LookOnly),
+    ] {
+        assert_eq!(mark(&mut of_swarm, 1.0, token, body), Err(expected));
+    }
+    assert_eq!(
+        of_swarm.mark(at(1.0), None, MARK.as_bytes()),
+        Err(GateRefusal::Token)
+    );
+    let unreadable = mark(&mut of_swarm, 1.0, OPERATE, r#"{"at":[1e9,0],"page":1}"#);
+    assert!(matches!(unreadable, Err(GateRefusal::Unreadable(why)) if why.contains("too far")));
+    let mut of_recording = PageServer::new(
+        json!({}),
+        venue(),
+        Board::new(7, Lattice::new(0.1)),
+        Gate::looking_only(LOOK.to_owned()),
+    );
+    assert_eq!(
+        mark(&mut of_recording, 1.0, LOOK, MARK),
+        Err(GateRefusal::NotLive)
+    );
+    for server in [&mut of_swarm, &mut of_recording] {
+        assert_eq!(told(&server.due(at(1.0))), 0);
+        assert_eq!(server.board().marks().last(), 0);
+    }
+    for _ in 0..20 {
+        assert!(mark(&mut of_swarm, 2.0, OPERATE, MARK).is_ok());
+    }
+    assert_eq!(
+        mark(&mut of_swarm, 2.5, OPERATE, MARK),
+        Err(GateRefusal::Flood)
+    );
+    let stop = r#"{"order":"stop","page":1}"#;
+    assert!(
+        order(&mut of_swarm, 2.5, OPERATE, stop).is_ok(),
+        "a flood of marks keeps no stop back"
+    );
+}
+
 #[test]
 fn a_mission_that_is_wrong_is_refused_and_told_to_nobody() {
     let mut server = server();
@@ -255,6 +368,9 @@ fn a_mission_that_is_wrong_is_refused_and_told_to_nobody() {
     let refused = order(&mut server, 0.1, OPERATE, &body(-1)).unwrap_err();
     assert!(refused.to_string().contains("laps"), "{refused}");
     assert_eq!(told(&server.due(at(0.1))), 0);
+    let refused = order(&mut server, 0.1, OPERATE, &body(2)).unwrap_err();
+    assert!(refused.to_string().contains("none is heard"), "{refused}");
+    server.hear(at(0.2), &heard(Message::Report(report())));
     assert!(order(&mut server, 0.2, OPERATE, &body(2)).is_ok());
     assert_eq!(told(&server.due(at(0.2))), 1);
     let line = server

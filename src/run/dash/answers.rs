@@ -1,4 +1,5 @@
-//! Answers to what made a pixel, on a thread of their own, one at a time: an order never waits for one.
+//! Answers that take a while, such as what made a pixel or a file of a run: each kind on a thread of its own, one at a time. An
+//! order never waits for one.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,38 +7,37 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::oneshot;
 
 use crate::dash::gate::GateRefusal;
-use crate::dash::why::WhyJob;
 
 /// Where an answer goes.
-type Reply = oneshot::Sender<Result<String, GateRefusal>>;
+pub(super) type Reply<T> = oneshot::Sender<Result<T, GateRefusal>>;
 
-/// Whether one is being found.
+/// Whether one of a kind is being found.
 #[derive(Default)]
-pub(super) struct PixelAnswers {
+pub(super) struct SlowAnswers {
     is_busy: Arc<AtomicBool>,
 }
 
-impl PixelAnswers {
-    /// Finds an answer and gives it, or says at once why there is none.
-    pub(super) fn give(&self, job: Result<WhyJob, GateRefusal>, reply: Reply) {
-        let job = match job {
-            Ok(job) => job,
-            Err(refusal) => return send(reply, Err(refusal)),
-        };
+impl SlowAnswers {
+    /// Finds an answer and gives it, or says at once why there is none; `busy` is said while another one is being found.
+    pub(super) fn give<T: Send + 'static>(
+        &self,
+        busy: &str,
+        work: impl FnOnce() -> Result<T, String> + Send + 'static,
+        reply: Reply<T>,
+    ) {
         if self.is_busy.swap(true, Ordering::AcqRel) {
-            let reason = "another pixel is being asked for: again in a moment";
-            return send(reply, Err(GateRefusal::Unreadable(reason.to_owned())));
+            return send(reply, Err(GateRefusal::Unreadable(busy.to_owned())));
         }
-        let busy = Busy(self.is_busy.clone());
-        let thread = std::thread::Builder::new().name("pixel".to_owned());
+        let guard = Busy(self.is_busy.clone());
+        let thread = std::thread::Builder::new().name("answer".to_owned());
         let begun = thread.spawn(move || {
-            let answer = job.answer().map_err(GateRefusal::Unreadable);
-            drop(busy);
+            let answer = work().map_err(GateRefusal::Unreadable);
+            drop(guard);
             send(reply, answer);
         });
         if let Err(error) = begun {
             // The reply is gone with the thread, so its page is told that there is none.
-            tracing::warn!("a pixel's links cannot be found: {error}");
+            tracing::warn!("an answer cannot be found: {error}");
         }
     }
 }
@@ -52,6 +52,6 @@ impl Drop for Busy {
 }
 
 /// A page that has gone meanwhile misses nothing.
-fn send(reply: Reply, answer: Result<String, GateRefusal>) {
+pub(super) fn send<T>(reply: Reply<T>, answer: Result<T, GateRefusal>) {
     let _ = reply.send(answer);
 }

@@ -22,7 +22,7 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILE_COUNT: usize = 30;
+const FILE_COUNT: usize = 31;
 const FILES: [PageFile; FILE_COUNT] = [
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
@@ -38,6 +38,7 @@ const FILES: [PageFile; FILE_COUNT] = [
     file("labels3d.js", include_bytes!("../../../web/labels3d.js")),
     file("layers3d.js", include_bytes!("../../../web/layers3d.js")),
     file("log.js", include_bytes!("../../../web/log.js")),
+    file("marks.js", include_bytes!("../../../web/marks.js")),
     file("model.js", include_bytes!("../../../web/model.js")),
     file("orders.js", include_bytes!("../../../web/orders.js")),
     file("plan.js", include_bytes!("../../../web/plan.js")),

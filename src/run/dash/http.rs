@@ -1,5 +1,8 @@
 //! The server of HTTP on a thread of its own: files of the page, the feed, orders. It judges names and origins of requests,
-//! says what a browser may do with an answer, and hands everything else to the loop. The only file that names axum beside `tls`.
+//! says what a browser may do with an answer, and hands everything else to the loop. Beside `tls` it alone names axum, with
+//! [`looks`], the answers that change nothing.
+
+mod looks;
 
 use std::io;
 use std::net::TcpListener;
@@ -19,10 +22,13 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
 use tokio_rustls::rustls::ServerConfig;
+use tomoswarm_proto::RunId;
 
+use self::looks::{export, links, mesh, metrics, places, preflight, settings, waypoints, why};
 use super::files;
 use super::tls::TlsListener;
 use crate::dash::gate::{GateRefusal, INBOUND_MAX, OwnNames, PageId};
+use crate::dash::run_files::MissionFormat;
 
 /// Frames that wait for a page's connection; more are never on their way to it.
 const FRAMES_WAITING: usize = 8;
@@ -31,15 +37,10 @@ const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
 /// The reason of a closed connection has at most this many bytes.
 const REASON_BYTES: usize = 120;
 
-/// Text as it is.
-const PLAIN_TYPE: &str = "text/plain; charset=utf-8";
 /// The protocols of Foxglove and Lichtblick that are spoken: two names of the same.
 const FOXGLOVE_PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 /// Longest message of such a viewer, bytes: it names channels by the hundred.
 const VIEWER_INBOUND_MAX: usize = 16 << 10;
-
-/// The text format of Prometheus.
-const METRICS_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 /// What a browser may do with anything that it gets here.
 const HEADERS: [(HeaderName, &str); 5] = [
@@ -83,8 +84,10 @@ pub(super) enum Request {
     ViewerSaid(u32, String),
     /// Its connection is gone.
     ViewerClosed(u32),
-    /// An order was posted.
-    Order {
+    /// Something was posted that is to be brought about.
+    Post {
+        /// What.
+        what: PostWord,
         /// The header of that name.
         authorization: Option<String>,
         /// What was posted.
@@ -101,6 +104,17 @@ pub(super) enum Request {
         /// The answer, or why there is none.
         reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
+    /// A file of a run, or without a name which files there are.
+    Export {
+        /// The header Authorization.
+        authorization: String,
+        /// Which run.
+        run: RunId,
+        /// The file's name.
+        name: Option<String>,
+        /// What it holds, or why there is none.
+        reply: oneshot::Sender<Result<Vec<u8>, GateRefusal>>,
+    },
     /// Something is asked for that changes nothing.
     Look {
         /// What.
@@ -110,6 +124,15 @@ pub(super) enum Request {
         /// Its text, or why it is refused.
         reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
+}
+
+/// What can be posted to be brought about.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum PostWord {
+    /// An order to vehicles, or the seat.
+    Order,
+    /// Where somebody truly stands.
+    Mark,
 }
 
 /// What can be looked at beside the feed.
@@ -125,7 +148,9 @@ pub(super) enum LookWord {
     /// The links of a run, CSV.
     Links(u32),
     /// These places (JSON) as a mission of QGroundControl.
-    Waypoints(Vec<u8>),
+    Waypoints(Vec<u8>, MissionFormat),
+    /// The places (JSON) of such a mission.
+    Places(Vec<u8>),
 }
 
 /// What goes to a page's connection.
@@ -239,12 +264,15 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/feed", get(feed))
         .route("/foxglove", get(foxglove))
         .route("/order", post(order))
+        .route("/mark", post(mark))
         .route("/metrics", get(metrics))
         .route("/preflight", get(preflight))
         .route("/mesh", get(mesh))
         .route("/settings", get(settings))
         .route("/links", get(links))
+        .route("/export", get(export))
         .route("/waypoints", post(waypoints))
+        .route("/places", post(places))
         .route("/why", post(why))
         .fallback(get(file))
         .layer(DefaultBodyLimit::max(INBOUND_MAX))
@@ -303,12 +331,27 @@ async fn file(State(shared): State<Arc<Shared>>, uri: Uri) -> Response {
 }
 
 async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
+    bring_about(&shared, PostWord::Order, &headers, &body).await
+}
+
+async fn mark(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
+    bring_about(&shared, PostWord::Mark, &headers, &body).await
+}
+
+/// Hands over what was posted, and answers with its number.
+async fn bring_about(
+    shared: &Shared,
+    what: PostWord,
+    headers: &HeaderMap,
+    body: &[u8],
+) -> Response {
+    if let Err(refusal) = shared.names.judge_origin(only(headers, header::ORIGIN)) {
         return refused(&refusal);
     }
     let (reply, answer) = oneshot::channel();
-    let is_taken = shared.requests.send(Request::Order {
-        authorization: only(&headers, header::AUTHORIZATION).map(str::to_owned),
+    let is_taken = shared.requests.send(Request::Post {
+        what,
+        authorization: only(headers, header::AUTHORIZATION).map(str::to_owned),
         body: body.to_vec(),
         reply,
     });
@@ -320,98 +363,6 @@ async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Byte
             let text = format!("{{\"number\":{number}}}");
             ([(header::CONTENT_TYPE, "application/json")], text).into_response()
         }
-        Ok(Err(refusal)) => refused(&refusal),
-        Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
-    }
-}
-
-async fn metrics(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Metrics, &headers, METRICS_TYPE).await
-}
-
-async fn preflight(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Preflight, &headers, "application/json").await
-}
-
-async fn mesh(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Mesh, &headers, "application/json").await
-}
-
-async fn settings(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Settings, &headers, PLAIN_TYPE).await
-}
-
-async fn links(State(shared): State<Arc<Shared>>, uri: Uri, headers: HeaderMap) -> Response {
-    let run = uri.query().and_then(|query| query.strip_prefix("run="));
-    match run.and_then(|run| run.parse().ok()) {
-        Some(run) => look(&shared, LookWord::Links(run), &headers, "text/csv").await,
-        None => refused(&GateRefusal::Unreadable(
-            "run=NUMBER is expected".to_owned(),
-        )),
-    }
-}
-
-async fn waypoints(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
-        return refused(&refusal);
-    }
-    look(
-        &shared,
-        LookWord::Waypoints(body.to_vec()),
-        &headers,
-        PLAIN_TYPE,
-    )
-    .await
-}
-
-async fn why(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
-        return refused(&refusal);
-    }
-    let Some(authorization) = only(&headers, header::AUTHORIZATION) else {
-        return refused(&GateRefusal::Token);
-    };
-    let (reply, answer) = oneshot::channel();
-    let request = Request::Why {
-        authorization: authorization.to_owned(),
-        question: body.to_vec(),
-        reply,
-    };
-    match shared.requests.send(request) {
-        true => said(answer.await, "application/json"),
-        false => refused(&GateRefusal::Flood),
-    }
-}
-
-async fn look(
-    shared: &Shared,
-    what: LookWord,
-    headers: &HeaderMap,
-    kind: &'static str,
-) -> Response {
-    // A page of somebody else can ask, but cannot say this header: it must not fill the queue in which orders wait.
-    let Some(authorization) = only(headers, header::AUTHORIZATION) else {
-        return refused(&GateRefusal::Token);
-    };
-    let (reply, answer) = oneshot::channel();
-    let is_taken = shared.requests.send(Request::Look {
-        what,
-        authorization: Some(authorization.to_owned()),
-        reply,
-    });
-    match is_taken {
-        true => said(answer.await, kind),
-        false => refused(&GateRefusal::Flood),
-    }
-}
-
-/// Returns what the loop has said as an answer of a media type.
-fn said(
-    answer: Result<Result<String, GateRefusal>, oneshot::error::RecvError>,
-    kind: &'static str,
-) -> Response {
-    match answer {
-        Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
     }

@@ -12,12 +12,13 @@ use tomoswarm_proto::RunId;
 
 use super::super::clock::Clock;
 use super::super::membership::SOFTWARE;
-use super::answers::PixelAnswers;
-use super::http::{HttpServer, LookWord, Outbound, Request, RequestSender, Wake};
+use super::answers::{Reply, SlowAnswers, send};
+use super::http::{HttpServer, LookWord, Outbound, PostWord, Request, RequestSender, Wake};
 use super::viewers::Viewers;
 use super::{DashError, PageAddress, PageCertificate};
 use crate::dash::gate::{OwnNames, PageId, named};
 use crate::dash::page_server::{PageEffect, PageServer};
+use crate::dash::run_files::{RunFiles, exported};
 use crate::time::Time;
 
 /// Requests that wait for the loop; who comes when there are more is refused.
@@ -25,12 +26,25 @@ const REQUESTS_WAITING: usize = 256;
 /// A host looks this often whether it shall end.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
+/// What is said to who asks for a pixel while another one is looked for.
+const PIXEL_BUSY: &str = "another pixel is being asked for: again in a moment";
+/// What is said to who asks for a file of a run while another one is made.
+const EXPORT_BUSY: &str = "another file of a run is being made: again in a moment";
+/// Where the files of a store come from.
+const STORE_WORDS: &str = "the ground station's store";
+
+/// Files of runs that a thread may make.
+pub type SharedRunFiles = Arc<dyn RunFiles + Send + Sync>;
+
 /// The pages of a server.
 pub(super) struct Pages {
     pub(super) server: PageServer,
     requests: Receiver<Request>,
     pages: BTreeMap<PageId, tokio::sync::mpsc::Sender<Outbound>>,
-    answers: PixelAnswers,
+    pixels: SlowAnswers,
+    exports: SlowAnswers,
+    /// The store of a ground station, if it is known; otherwise there is what was heard.
+    store: Option<SharedRunFiles>,
     viewers: Viewers,
     venue: String,
     _http: HttpServer,
@@ -130,7 +144,9 @@ impl Pages {
             server,
             requests,
             pages: BTreeMap::new(),
-            answers: PixelAnswers::default(),
+            pixels: SlowAnswers::default(),
+            exports: SlowAnswers::default(),
+            store: None,
             viewers: Viewers::default(),
             venue,
             _http: http.map_err(DashError::Thread)?,
@@ -182,10 +198,19 @@ impl Pages {
                 authorization,
                 question,
                 reply,
-            } => {
-                let job = self.server.why(Some(&authorization), &question);
-                self.answers.give(job, reply);
-            }
+            } => match self.server.why(Some(&authorization), &question) {
+                Ok(job) => self.pixels.give(PIXEL_BUSY, move || job.answer(), reply),
+                Err(refusal) => send(reply, Err(refusal)),
+            },
+            Request::Export {
+                authorization,
+                run,
+                name,
+                reply,
+            } => match self.server.judge_looking(Some(&authorization)) {
+                Ok(()) => self.export(run, name, reply),
+                Err(refusal) => send(reply, Err(refusal)),
+            },
             Request::Look {
                 what,
                 authorization,
@@ -198,23 +223,46 @@ impl Pages {
                     LookWord::Mesh => self.server.mesh(token),
                     LookWord::Settings => self.server.settings(token),
                     LookWord::Links(run) => self.server.links(token, RunId(run)),
-                    LookWord::Waypoints(places) => self.server.waypoints(token, &places),
+                    LookWord::Waypoints(places, format) => {
+                        self.server.waypoints(token, &places, format)
+                    }
+                    LookWord::Places(text) => self.server.places(token, &text),
                 };
                 let _ = reply.send(text);
             }
-            Request::Order {
+            Request::Post {
+                what,
                 authorization,
                 body,
                 reply,
             } => {
-                let taken = self.server.order(now, authorization.as_deref(), &body);
+                let token = authorization.as_deref();
+                let (word, taken) = match what {
+                    PostWord::Order => ("order", self.server.order(now, token, &body)),
+                    PostWord::Mark => ("mark", self.server.mark(now, token, &body)),
+                };
                 match &taken {
-                    Ok(number) => tracing::info!("order {number} of a page: {}", shown(&body)),
-                    Err(refusal) => tracing::warn!("an order of a page is refused: {refusal}"),
+                    Ok(number) => tracing::info!("{word} {number} of a page: {}", shown(&body)),
+                    Err(refusal) => tracing::warn!("{word} of a page refused: {refusal}"),
                 }
                 let _ = reply.send(taken);
             }
         }
+    }
+
+    /// Takes the store of a ground station, whose runs can be saved from then on.
+    pub(super) fn set_store(&mut self, store: SharedRunFiles) {
+        self.store = Some(store);
+        self.server.keep_no_samples();
+    }
+
+    /// Answers with a file of a run, or without a name with which files there are.
+    fn export(&self, run: RunId, name: Option<String>, reply: Reply<Vec<u8>>) {
+        let Some(store) = self.store.clone() else {
+            return send(reply, self.server.heard_file(run, name.as_deref()));
+        };
+        let work = move || exported(&*store, STORE_WORDS, (run, name.as_deref()));
+        self.exports.give(EXPORT_BUSY, work, reply);
     }
 
     /// Serves pages that only look; returns how long to wait for more at most.

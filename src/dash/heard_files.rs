@@ -1,0 +1,221 @@
+//! The files of a run as far as it was heard, for a page beside which there is no store of a ground station: samples, links and
+//! marks as `tomoswarm export` writes them, what lies where on the earth, and the venue. It makes text and writes nothing.
+
+use serde_json::json;
+use tomoswarm_proto::{ImageSubject, Position, RunId};
+
+use super::board::Board;
+use super::geojson::Features;
+use super::links::LinkBook;
+use super::marks::MarkState;
+use super::run_files::{MARKS_HEADER, RunFiles};
+use crate::config::{Config, Venue, to_toml};
+use crate::geom::Point;
+use crate::tomo::links_csv;
+
+/// What was heard.
+#[derive(Clone, Copy)]
+pub struct HeardFiles<'a> {
+    /// The place.
+    pub venue: &'a Venue,
+    /// Marks, images and tracks.
+    pub board: &'a Board,
+    /// Samples and links.
+    pub links: &'a LinkBook,
+}
+
+impl HeardFiles<'_> {
+    /// Returns the file of a name; `None` = there is none of that.
+    fn made(&self, run: RunId, name: &str) -> Option<String> {
+        let of_run = name.strip_prefix(&format!("run-{run}-"));
+        match (of_run, name) {
+            (Some("samples.csv"), _) => self.links.samples().csv(run),
+            (Some("links.csv"), _) => {
+                let links = self.links.of(run);
+                (!links.is_empty()).then(|| links_csv(&links))
+            }
+            (Some("marks.csv"), _) => self.marks(run),
+            (None, "swarm.geojson") => Some(self.features(run)),
+            (None, "venue.toml") => Some(to_toml(&Config::Venue(self.venue.clone()))),
+            _ => None,
+        }
+    }
+
+    fn stored_marks(&self, run: RunId) -> impl Iterator<Item = Position> {
+        let all = self.board.marks().known();
+        let is_stored = |state: MarkState| match state {
+            MarkState::Stored | MarkState::TakingBack => true,
+            MarkState::Asked => false,
+        };
+        all.filter(move |(of, _, state)| *of == run && is_stored(*state))
+            .map(|(_, at, _)| at)
+    }
+
+    /// Returns where somebody truly stood; when that was marked is known to the ground station.
+    fn marks(&self, run: RunId) -> Option<String> {
+        let line = |at: Position| format!("{run},{},{},{},\n", at.x_m(), at.y_m(), at.z_m());
+        let lines: String = self.stored_marks(run).map(line).collect();
+        (!lines.is_empty()).then(|| format!("{MARKS_HEADER}\n{lines}"))
+    }
+
+    /// Returns area, fence, homes, finds of the newest images of a run, its marks, and where vehicles have been.
+    fn features(&self, run: RunId) -> String {
+        let mut features = Features::of_venue(self.venue);
+        for (subject, kind) in [
+            (ImageSubject::Structure, "structure"),
+            (ImageSubject::Change, "change"),
+        ] {
+            let image = self.board.image(subject);
+            let image = image.and_then(|image| image.parts.get(&0));
+            let Some(image) = image.filter(|image| image.run == run) else {
+                continue;
+            };
+            for (index, find) in image.finds.iter().enumerate() {
+                let says = json!({
+                    "what": "find", "run": run.0, "kind": kind, "laps": image.laps, "rank": index + 1,
+                    "strength_db_per_m": f64::from(find.strength_udb_per_m) / 1e6,
+                    "probability": find.probability.map(|share| share.fraction()),
+                });
+                features.place(says, find.at.into());
+            }
+        }
+        for at in self.stored_marks(run) {
+            features.place(json!({ "what": "mark", "run": run.0 }), at.into());
+        }
+        for (id, _) in self.board.view().vehicles() {
+            let places = self.board.track(id).map(|track| track.places());
+            let points: Vec<Point> = places
+                .into_iter()
+                .flatten()
+                .map(|at| Point::from(*at))
+                .collect();
+            features.track(json!({ "what": "track", "vehicle": id.0 }), &points);
+        }
+        features.text()
+    }
+}
+
+impl RunFiles for HeardFiles<'_> {
+    fn names(&self, run: RunId) -> Result<Vec<String>, String> {
+        let of_run = ["links", "marks", "samples"].map(|kind| format!("run-{run}-{kind}.csv"));
+        let is_there = [
+            !self.links.of(run).is_empty(),
+            self.stored_marks(run).next().is_some(),
+            self.links.samples().has(run),
+        ];
+        let mut names: Vec<String> = of_run
+            .into_iter()
+            .zip(is_there)
+            .filter_map(|(name, is_there)| is_there.then_some(name))
+            .collect();
+        if names.is_empty() {
+            return Err(format!("this page has heard nothing of run {run}"));
+        }
+        names.extend(["swarm.geojson", "venue.toml"].map(str::to_owned));
+        Ok(names)
+    }
+
+    fn file(&self, run: RunId, name: &str) -> Result<Vec<u8>, String> {
+        let names = self.names(run)?;
+        let known = names.iter().any(|known| known == name);
+        let text = self.made(run, name).filter(|_| known);
+        text.map(String::into_bytes).ok_or_else(|| {
+            format!(
+                "there is no file {name:?} of run {run}; there are {}",
+                names.join(", ")
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::dash::board::BoardInput;
+    use crate::geom::Lattice;
+    use crate::operator::tests_support::{at, heard};
+    use tomoswarm_proto::{Boot, Mark, Message, PoseReport, Sample, Samples, VehicleId};
+
+    fn venue() -> Venue {
+        let text = include_str!("../../configs/small.venue.toml");
+        match config::read("venue.toml", text, &mut |path| Err(path.to_owned())).unwrap() {
+            Config::Venue(venue) => venue,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn batch() -> Samples {
+        let pose = |x_m| PoseReport {
+            at: Position::from_metres(x_m, 1.0, 0.0),
+            ..PoseReport::default()
+        };
+        let sample = |sequence| Sample {
+            sequence,
+            heard_at_ns: sequence,
+            transmitter: VehicleId(2),
+            transmitter_pose: pose(1.0),
+            receiver_pose: pose(4.0),
+            channel: 11,
+            power_dbm: 0,
+            rssi_dbm: Some(-60),
+        };
+        Samples {
+            vehicle: VehicleId(1),
+            boot: Boot(1),
+            run: RunId(2),
+            samples: vec![sample(0), sample(1), sample(1)],
+            lost: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn what_was_heard_of_a_run_is_its_files_and_of_another_there_are_none() {
+        let venue = venue();
+        let mut board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
+        let mut links = LinkBook::default();
+        links.take(&batch());
+        let mark = Mark {
+            run: RunId(2),
+            at: Position::from_metres(3.2, 7.5, 0.0),
+            stands: true,
+        };
+        board.take(at(1.0), &BoardInput::Heard(heard(Message::Mark(mark))));
+        let files = HeardFiles {
+            venue: &venue,
+            board: &board,
+            links: &links,
+        };
+        let names = files.names(RunId(2)).unwrap();
+        let expected = [
+            "run-2-links.csv",
+            "run-2-marks.csv",
+            "run-2-samples.csv",
+            "swarm.geojson",
+            "venue.toml",
+        ];
+        assert_eq!(names, expected);
+        let text = |name: &str| String::from_utf8(files.file(RunId(2), name).unwrap()).unwrap();
+        assert_eq!(
+            text("run-2-marks.csv"),
+            "run,x_m,y_m,z_m,marked\n2,3.2,7.5,0,\n"
+        );
+        assert_eq!(text("run-2-samples.csv").lines().count(), 3, "each once");
+        assert_eq!(text("run-2-links.csv").lines().count(), 2);
+        let features = text("swarm.geojson");
+        assert!(features.contains(r#""what":"mark""#), "{features}");
+        let read = config::read("venue.toml", &text("venue.toml"), &mut |path| {
+            Err(path.to_owned())
+        });
+        assert!(matches!(read, Ok(Config::Venue(read)) if read.hash() == venue.hash()));
+        for (run, name, reason) in [
+            (1, "run-1-links.csv", "heard nothing of run 1"),
+            (2, "run-1-links.csv", "there is no file"),
+            (2, "../ground.sqlite", "there is no file"),
+            (2, "run-2-change.npy", "there are run-2-links.csv, "),
+        ] {
+            let refused = files.file(RunId(run), name).unwrap_err();
+            assert!(refused.contains(reason), "{name}: {refused}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! The samples that were heard, run by run and packed, for whoever saves them. Bounded: when there is no room the samples of
+//! the oldest run go, and of a run that fills all of it those that come then are left out.
+
+use std::collections::BTreeMap;
+
+use tomoswarm_proto::codec;
+use tomoswarm_proto::{Boot, RunId, Sample, VehicleId};
+
+use crate::tomo::{SAMPLES_HEADER, SampleLine};
+
+/// All samples together take at most so many bytes.
+const SAMPLE_BYTES_MAX: usize = 16 << 20;
+
+/// The samples of all runs.
+#[derive(Clone, Debug)]
+pub struct SampleBook {
+    runs: BTreeMap<RunId, RunSamples>,
+    bytes: usize,
+    bytes_max: usize,
+}
+
+/// Those of one run: one after another, each with its length before it.
+#[derive(Clone, Debug, Default)]
+struct RunSamples {
+    packed: Vec<u8>,
+    left_out: u64,
+}
+
+impl Default for SampleBook {
+    fn default() -> SampleBook {
+        SampleBook::new(SAMPLE_BYTES_MAX)
+    }
+}
+
+impl SampleBook {
+    /// Makes an empty one of so many bytes at most; one of none keeps nothing.
+    pub fn new(bytes_max: usize) -> SampleBook {
+        SampleBook {
+            runs: BTreeMap::new(),
+            bytes: 0,
+            bytes_max,
+        }
+    }
+
+    /// Takes a sample that is new.
+    pub fn take(&mut self, run: RunId, who: (VehicleId, Boot), sample: &Sample) {
+        if self.bytes_max == 0 {
+            return;
+        }
+        let packed = codec::pack(&(who, sample)).unwrap_or_default();
+        let Ok(length) = u16::try_from(packed.len()) else {
+            return;
+        };
+        while self.bytes + packed.len() + 2 > self.bytes_max {
+            let is_alone = self.runs.keys().next() == Some(&run);
+            let oldest = self.runs.first_entry().filter(|_| !is_alone);
+            let Some(oldest) = oldest else {
+                let of_run = self.runs.entry(run).or_default();
+                of_run.left_out += 1;
+                return;
+            };
+            self.bytes -= oldest.remove().packed.len();
+        }
+        let of_run = self.runs.entry(run).or_default();
+        of_run.packed.extend(length.to_le_bytes());
+        of_run.packed.extend(&packed);
+        self.bytes += packed.len() + 2;
+    }
+
+    /// Returns how many samples of a run were left out.
+    pub fn left_out(&self, run: RunId) -> u64 {
+        self.runs.get(&run).map_or(0, |of_run| of_run.left_out)
+    }
+
+    /// Returns the samples of a run as CSV, in the order in which they came; `None` = there are none.
+    pub fn csv(&self, run: RunId) -> Option<String> {
+        let of_run = self.runs.get(&run)?;
+        let mut text = format!("{SAMPLES_HEADER}\n");
+        let mut rest = of_run.packed.as_slice();
+        while let Some((length, after)) = rest.split_first_chunk() {
+            let (packed, after) = after.split_at_checked(u16::from_le_bytes(*length).into())?;
+            rest = after;
+            let ((vehicle, boot), sample): ((VehicleId, Boot), Sample) =
+                codec::unpack(packed).ok()?;
+            let line = SampleLine {
+                vehicle,
+                boot,
+                run,
+                sample: &sample,
+                utc_s: None,
+            };
+            line.write(&mut text);
+        }
+        Some(text)
+    }
+
+    /// Returns whether it has samples of a run.
+    pub fn has(&self, run: RunId) -> bool {
+        self.runs.contains_key(&run)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tomoswarm_proto::PoseReport;
+
+    fn sample(sequence: u64) -> Sample {
+        Sample {
+            sequence,
+            heard_at_ns: sequence * 1_000_000_000,
+            transmitter: VehicleId(2),
+            transmitter_pose: PoseReport::default(),
+            receiver_pose: PoseReport::default(),
+            channel: 11,
+            power_dbm: 0,
+            rssi_dbm: sequence.is_multiple_of(2).then_some(-60),
+        }
+    }
+
+    const WHO: (VehicleId, Boot) = (VehicleId(1), Boot(7));
+
+    #[test]
+    fn samples_come_back_as_lines_in_the_order_in_which_they_came() {
+        let mut book = SampleBook::default();
+        for sequence in [4, 5] {
+            book.take(RunId(3), WHO, &sample(sequence));
+        }
+        let text = book.csv(RunId(3)).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], SAMPLES_HEADER);
+        assert!(lines[1].starts_with("1,7,3,4,4.000000,,,2,") && lines[1].ends_with(",-60"));
+        assert!(lines[2].starts_with("1,7,3,5,5.000000,,,2,") && lines[2].ends_with(','));
+        assert_eq!((lines.len(), book.csv(RunId(4))), (3, None));
+    }
+
+    #[test]
+    fn the_oldest_run_makes_room_and_a_run_that_fills_all_of_it_is_cut() {
+        let mut book = SampleBook::new(2000);
+        for sequence in 0..20 {
+            book.take(RunId(1), WHO, &sample(sequence));
+        }
+        assert!(book.has(RunId(1)) && book.left_out(RunId(1)) == 0);
+        for sequence in 0..500 {
+            book.take(RunId(2), WHO, &sample(sequence));
+        }
+        assert!(!book.has(RunId(1)) && book.bytes <= 2000);
+        let kept = book.csv(RunId(2)).unwrap().lines().count() as u64 - 1;
+        assert!(kept > 10, "{kept}");
+        assert_eq!(kept + book.left_out(RunId(2)), 500);
+    }
+}
