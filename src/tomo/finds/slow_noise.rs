@@ -251,11 +251,11 @@ mod tests {
         let laps = laps();
         let (share, length) = (0.4, 5.0);
         let slow = SlowNoise::of(&laps, share, length);
-        let mut rows = [[0.0; SIZE]; SIZE];
-        for column in 0..SIZE {
-            for (link, [value]) in slow.whitened(|link| (link == column).then_some([1.0])) {
+        let mut columns = [[0.0; SIZE]; SIZE];
+        for (unit, column) in columns.iter_mut().enumerate() {
+            for (link, [value]) in slow.whitened(|link| (link == unit).then_some([1.0])) {
                 if link < SIZE {
-                    rows[link][column] = value;
+                    column[link] = value;
                 }
             }
         }
@@ -267,9 +267,9 @@ mod tests {
         for i in 0..SIZE {
             for j in 0..SIZE {
                 let mut sum = 0.0;
-                for a in 0..SIZE {
-                    for b in 0..SIZE {
-                        sum += rows[i][a] * covariance(a, b) * rows[j][b];
+                for (a, of_a) in columns.iter().enumerate() {
+                    for (b, of_b) in columns.iter().enumerate() {
+                        sum += of_a[i] * covariance(a, b) * of_b[j];
                     }
                 }
                 let wanted = if i == j { 1.0 } else { 0.0 };
