@@ -6,30 +6,21 @@
 //! | `evidence` | the likelihood of persons at some places, and its maximum near by |
 //! | `places` | where one more person would explain most |
 //! | `correlation` | how much the noise of neighbouring links goes together |
-//! | `laps` | which links are of one lap, and their order along it |
-//! | `slow_noise` | noise that changes slowly along a lap, taken out |
-//! | `ring` | the ring that the ends of links were driven along |
 //! | `threshold` | how strong evidence must be |
 //!
 //! Persons are added one by one while each gains something, refined together each time; then the weakest ones are taken out
-//! again, one by one, until all that are left pass. All this is done twice where a sweep has laps: what the first search leaves
-//! unexplained tells how slow the noise is.
+//! again, one by one, until all that are left pass.
 
 mod correlation;
 mod evidence;
-mod laps;
 mod places;
-mod ring;
-mod slow_noise;
 mod threshold;
 
 use serde::{Deserialize, Serialize};
 
 use self::correlation::Correlation;
 use self::evidence::{Derivatives, Evidence, Target};
-use self::laps::Laps;
 use self::places::Places;
-use self::slow_noise::SlowNoise;
 use self::threshold::FalseRate;
 use super::Observation;
 use super::cholesky::{Cholesky, dot};
@@ -161,7 +152,6 @@ pub(super) struct Driven {
 /// Everything that a search needs.
 struct Search<'a> {
     evidence: Evidence<'a>,
-    laps: Option<Laps>,
     correlation: Correlation,
     rate: FalseRate,
     threshold: f64,
@@ -190,9 +180,6 @@ pub(super) fn find_persons(
     let smear_m = driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt());
     let ring = driven.map_or(area, |driven| driven.ring);
     let person = settings.person;
-    let laps = driven.and_then(|driven| Laps::of(observations, driven));
-    let in_laps = laps.as_ref().map(|laps| laps.ordered(observations));
-    let observations = in_laps.as_deref().unwrap_or(observations);
     let links = observations
         .iter()
         .map(|one| person.link(one.from, one.to, ring, smear_m))
@@ -202,7 +189,6 @@ pub(super) fn find_persons(
     let mut search = Search {
         threshold: rate.gain_for(settings.false_per_image),
         rate,
-        laps,
         correlation: Correlation::new(observations, driven),
         evidence,
     };
@@ -224,18 +210,9 @@ impl Search<'_> {
     /// Returns the targets that pass and those that do not.
     fn run(&mut self, inner: Rect) -> (Vec<Judged>, Vec<Judged>) {
         let targets = self.added(inner);
-        let mut first = self.gains(&targets);
-        let strong = targets_above(&first, STRONG_GAIN);
-        self.evidence.scale_noise(&strong);
-        if let Some(laps) = &self.laps {
-            let slow = SlowNoise::learned(laps, &self.evidence.raw_residuals(&strong));
-            self.evidence.take_out(slow, &strong);
-            self.rate = FalseRate::new(&self.evidence, inner);
-            let false_per_image = self.evidence.settings.false_per_image;
-            self.threshold = self.rate.gain_for(false_per_image);
-            let targets = self.added(inner);
-            first = self.gains(&targets);
-        }
+        let first = self.gains(&targets);
+        self.evidence
+            .scale_noise(&targets_above(&first, STRONG_GAIN));
         let again: Vec<Target> = first.iter().map(|one| one.target).collect();
         let mut kept = self.gains(&again);
         self.learn_correlation(&targets_above(&kept, SURE_GAIN));
@@ -307,13 +284,18 @@ impl Search<'_> {
     }
 
     fn learn_correlation(&mut self, known: &[Target]) {
-        self.correlation.learn(&self.evidence.residuals(known));
+        let residual_db = self.evidence.residual_db(known);
+        let scaled = residual_db.iter().zip(&self.evidence.sd_db);
+        let residuals: Vec<f64> = scaled.map(|(rest_db, sd_db)| rest_db / sd_db).collect();
+        self.correlation.learn(&residuals);
     }
 
     /// Divides gains by how much the noise goes together.
     fn weigh(&self, judged: &mut [Judged]) {
         for one in judged {
-            let u = self.evidence.all_chords(one.target.at);
+            let chords_m = self.evidence.chords_m(one.target.at);
+            let scaled = chords_m.iter().zip(&self.evidence.sd_db);
+            let u: Vec<f64> = scaled.map(|(chord_m, sd_db)| chord_m / sd_db).collect();
             one.evidence = one.gain / self.correlation.overdispersion(&u);
         }
     }
@@ -326,13 +308,15 @@ impl Search<'_> {
     }
 
     /// Returns the targets with the deviations of their places, all together:
-    /// F⁻¹ (U (1 + R) Uᵀ + prior) F⁻¹ with U = J √w̄, F = U Uᵀ + prior, w̄ = (ν + 1) / (ν + 3), J white.
+    /// F⁻¹ (U (1 + R) Uᵀ + prior) F⁻¹ with U = J √w̄, F = U Uᵀ + prior, w̄ = (ν + 1) / (ν + 3) / (κ v).
     fn finds(&self, judged: &[Judged]) -> Vec<Find> {
         let targets: Vec<Target> = judged.iter().map(|one| one.target).collect();
         let Derivatives(mut rows) = self.evidence.derivatives(&targets);
         let information = ((DEGREES + 1.0) / (DEGREES + 3.0)).sqrt();
         for row in &mut rows {
-            row.iter_mut().for_each(|value| *value *= information);
+            row.iter_mut()
+                .zip(&self.evidence.sd_db)
+                .for_each(|(value, sd_db)| *value *= information / sd_db);
         }
         let prior = |i: usize, j: usize| match i == j && i % 3 == 2 {
             true => self.evidence.prior_curvature(targets[i / 3].strength),

@@ -10,7 +10,7 @@
 //! ```
 
 use super::Driven;
-use super::ring::Ring;
+use crate::geom::{Point, Rect};
 use crate::tomo::Observation;
 
 /// Lags to either side, a bin each.
@@ -24,6 +24,8 @@ const FEWEST_PAIRS: u32 = 50;
 const HALF_PAIRS: f64 = 200.0;
 /// A correlation lies within these.
 const RHO: (f64, f64) = (-0.05, 0.9);
+/// Ends are farther from the ring than this, bins: then it is none.
+const OFF_RING_BINS: f64 = 3.0;
 
 /// A pair of links, and which lag it has.
 #[derive(Clone, Copy)]
@@ -43,11 +45,15 @@ pub(super) struct Correlation {
 impl Correlation {
     /// Makes the pairs of a sweep that was driven along a ring; of any other one nothing is known, and there are none.
     pub(super) fn new(observations: &[Observation], driven: Option<Driven>) -> Correlation {
+        let is_on_ring = |driven: &Driven| {
+            let is_near = |at: Point| off_ring_m(at, driven.ring) <= OFF_RING_BINS * driven.bin_m;
+            observations
+                .iter()
+                .all(|one| is_near(one.from) && is_near(one.to))
+        };
         let pairs = driven
-            .and_then(|driven| {
-                let ring = Ring::of(observations, driven)?;
-                Some(pairs_of(observations, ring, driven.bin_m))
-            })
+            .filter(is_on_ring)
+            .map(|driven| pairs_of(observations, driven))
             .unwrap_or_default();
         Correlation {
             pairs,
@@ -100,11 +106,35 @@ fn side() -> i32 {
     2 * LAGS + 1
 }
 
-fn pairs_of(observations: &[Observation], ring: Ring, bin_m: f64) -> Vec<Pair> {
-    let whole_m = ring.length_m();
+/// Returns how far a place is from the ring, metres.
+fn off_ring_m(at: Point, ring: Rect) -> f64 {
+    let (inner_x_m, inner_y_m) = (
+        (at.x_m - ring.min.x_m).min(ring.max.x_m - at.x_m),
+        (at.y_m - ring.min.y_m).min(ring.max.y_m - at.y_m),
+    );
+    inner_x_m.min(inner_y_m).abs()
+}
+
+/// Returns how far along the ring from its south-western corner, counter-clockwise, the place nearest to a point lies, metres.
+fn along_ring_m(at: Point, ring: Rect) -> f64 {
+    let (width_m, height_m) = (ring.width_m(), ring.height_m());
+    let (x_m, y_m) = (at.x_m - ring.min.x_m, at.y_m - ring.min.y_m);
+    let to_side = [y_m, x_m - width_m, y_m - height_m, x_m].map(f64::abs);
+    let (x_m, y_m) = (x_m.clamp(0.0, width_m), y_m.clamp(0.0, height_m));
+    let nearest = (0..4).min_by(|a, b| to_side[*a].total_cmp(&to_side[*b]));
+    match nearest {
+        Some(0) => x_m,
+        Some(1) => width_m + y_m,
+        Some(2) => width_m + height_m + (width_m - x_m),
+        _ => 2.0 * width_m + height_m + (height_m - y_m),
+    }
+}
+
+fn pairs_of(observations: &[Observation], Driven { ring, bin_m }: Driven) -> Vec<Pair> {
+    let whole_m = 2.0 * (ring.width_m() + ring.height_m());
     let ends: Vec<(f64, f64)> = observations
         .iter()
-        .map(|one| (ring.along_m(one.from), ring.along_m(one.to)))
+        .map(|one| (along_ring_m(one.from, ring), along_ring_m(one.to, ring)))
         .collect();
     // Both orders of every link, by where the first end lies.
     let mut places: Vec<(f64, f64, u32, bool)> = Vec::with_capacity(2 * ends.len());
@@ -113,6 +143,10 @@ fn pairs_of(observations: &[Observation], ring: Ring, bin_m: f64) -> Vec<Pair> {
         places.push((*b_m, *a_m, link, true));
     }
     places.sort_by(|one, other| one.0.total_cmp(&other.0).then(one.2.cmp(&other.2)));
+    let wrapped = |difference_m: f64| {
+        let turns = libm::floor(difference_m / whole_m + 0.5);
+        difference_m - turns * whole_m
+    };
     let reach_m = bin_m * (f64::from(LAGS) + 0.5);
     let mut pairs = Vec::new();
     for (index, (a_m, b_m, link, is_exchanged)) in places.iter().enumerate() {
@@ -135,7 +169,7 @@ fn pairs_of(observations: &[Observation], ring: Ring, bin_m: f64) -> Vec<Pair> {
                 (true, true) => true,
                 (own, _) => own == (*link < other),
             };
-            let db_m = ring.wrapped_m(other_b_m - b_m);
+            let db_m = wrapped(other_b_m - b_m);
             if is_twin
                 || *link == other
                 || db_m.abs() > reach_m
@@ -165,7 +199,6 @@ fn lag(a_bins: f64, b_bins: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Point, Rect};
     use crate::tomo::tests_support::Noise;
 
     const RING: Rect = Rect {
@@ -218,8 +251,7 @@ mod tests {
             })
             .collect();
         let count = |observations: &[Observation]| {
-            let mut pairs: Vec<(u32, u32, u32)> = Correlation::new(observations, Some(DRIVEN))
-                .pairs
+            let mut pairs: Vec<(u32, u32, u32)> = pairs_of(observations, DRIVEN)
                 .into_iter()
                 .map(|pair| (pair.one.min(pair.other), pair.one.max(pair.other), pair.lag))
                 .collect();
@@ -248,7 +280,6 @@ mod tests {
     fn noise_that_goes_together_makes_evidence_less_sure() {
         let observations = links();
         let u = vec![1.0; observations.len()];
-        let ring = Ring::of(&observations, DRIVEN).unwrap();
         let of = |noise: &mut dyn FnMut(&Observation) -> f64| {
             let mut correlation = Correlation::new(&observations, Some(DRIVEN));
             let residuals: Vec<f64> = observations.iter().map(noise).collect();
@@ -257,7 +288,7 @@ mod tests {
         };
         let mut drawn = Noise::new(1);
         let independent = of(&mut |_| drawn.normal());
-        let together = of(&mut |one| libm::sin(0.4 * ring.along_m(one.from)));
+        let together = of(&mut |one| libm::sin(0.4 * along_ring_m(one.from, RING)));
         assert!(independent < 1.5, "{independent}");
         assert!(together > 3.0, "{together}");
     }

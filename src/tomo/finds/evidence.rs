@@ -2,15 +2,13 @@
 //! greatest.
 //!
 //! ```text
-//!   z    = L⁻¹ D⁻¹ (y − Σ_k a_k t(p_k))          D = diag √(κ v)          ρ(z²) = (ν + 1)/2 · ln(1 + z²/ν)          ν = 4
+//!   z_l  = (y_l − Σ_k a_k t_l(p_k)) / √(κ v_l)          ρ(z²) = (ν + 1)/2 · ln(1 + z²/ν)          ν = 4
 //!   loss = Σ_l ρ(z_l²) + Σ_k ½ (ln(a_k / a₀) / s)²
 //! ```
 //!
-//! y = attenuations of the links, v their variances, t their chords of a person ([`crate::tomo::person`]), a = strength. κ makes
-//! up for variances that are wrong all together; it is found with the persons known. L⁻¹ makes independent what goes together
-//! along a lap ([`super::slow_noise`]). What is said of links here has D⁻¹ and L⁻¹ applied, has no unit, and is called *white*.
+//! y = attenuation of a link, v its variance, t its chord of a person ([`crate::tomo::person`]), a = strength. κ makes up for
+//! variances that are wrong all together; it is found with the persons known.
 
-use super::slow_noise::SlowNoise;
 use crate::geom::{Point, Rect};
 use crate::tomo::cholesky::Cholesky;
 use crate::tomo::person::PersonLink;
@@ -45,20 +43,17 @@ pub(super) struct Evidence<'a> {
     pub settings: &'a FindSettings,
     /// Places lie within it.
     pub area: Rect,
-    links: Vec<PersonLink>,
-    attenuation_db: Vec<f64>,
+    pub links: Vec<PersonLink>,
+    pub attenuation_db: Vec<f64>,
     variance_db2: Vec<f64>,
-    slow: SlowNoise,
     /// √(κ v), dB.
-    sd_db: Vec<f64>,
-    /// What was measured, white.
-    measured: Vec<f64>,
+    pub sd_db: Vec<f64>,
 }
 
-/// How the expectation of every link changes, white, with all unknowns, three a target: x, y, strength.
+/// How the expectation of every link changes with all unknowns, three a target: x, y, strength.
 pub(super) struct Derivatives(pub Vec<Vec<f64>>);
 
-/// A link that a target touches, with the derivatives of its expectation, white, by x, y and strength of that.
+/// A link near a target, with the derivatives of its expectation by x, y and strength of that.
 #[derive(Clone, Copy)]
 struct Touched {
     link: usize,
@@ -102,88 +97,61 @@ impl<'a> Evidence<'a> {
         let mut evidence = Evidence {
             settings,
             area,
-            slow: SlowNoise::none(links.len()),
             links,
             attenuation_db: observations.iter().map(|one| one.attenuation_db).collect(),
             variance_db2: observations.iter().map(|one| one.variance_db2).collect(),
             sd_db: Vec::new(),
-            measured: Vec::new(),
         };
         evidence.scale_noise(&[]);
         evidence
     }
 
-    /// Takes out slow noise; κ is found with some targets taken out.
-    pub(super) fn take_out(&mut self, slow: SlowNoise, targets: &[Target]) {
-        self.slow = slow;
-        self.scale_noise(targets);
-    }
-
     /// Finds κ with some targets taken out.
     pub(super) fn scale_noise(&mut self, targets: &[Target]) {
-        let sd_db: Vec<f64> = self.variance_db2.iter().map(|v| v.sqrt()).collect();
-        self.measure(sd_db);
-        let squares: Vec<f64> = self.residuals(targets).iter().map(|z| z * z).collect();
+        let residual_db = self.residual_db(targets);
+        let squares: Vec<f64> = residual_db
+            .iter()
+            .zip(&self.variance_db2)
+            .map(|(residual_db, variance_db2)| residual_db * residual_db / variance_db2)
+            .collect();
         let mut sorted = squares.clone();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
         let kappa = student::noise_scale(&squares, median / MEDIAN_SQUARE + 1e-9, 1e-9);
-        let scaled = self.variance_db2.iter().map(|v| (v * kappa).sqrt());
-        self.measure(scaled.collect());
+        self.sd_db = self
+            .variance_db2
+            .iter()
+            .map(|variance_db2| (variance_db2 * kappa).sqrt())
+            .collect();
     }
 
-    fn measure(&mut self, sd_db: Vec<f64>) {
-        let white = self
-            .slow
-            .whitened(|link| Some([self.attenuation_db[link] / sd_db[link]]));
-        self.measured = white.into_iter().map(|(_, [value])| value).collect();
-        self.sd_db = sd_db;
+    /// Returns the chord of each link of a person at a place, metres.
+    pub(super) fn chords_m(&self, at: Point) -> Vec<f64> {
+        let person = &self.settings.person;
+        self.links
+            .iter()
+            .map(|link| person.chord_m(link, at))
+            .collect()
     }
 
-    /// Returns the chords of a person at a place, white, of all links that it touches, for a strength of 1 dB/m.
-    pub(super) fn chords(&self, at: Point) -> Vec<(usize, [f64; 1])> {
-        self.slow.whitened(|link| {
-            let chord_m = self.settings.person.chord_m(&self.links[link], at);
-            (chord_m > 0.0).then(|| [chord_m / self.sd_db[link]])
-        })
-    }
-
-    /// Returns the same, of all links.
-    pub(super) fn all_chords(&self, at: Point) -> Vec<f64> {
-        let mut all = vec![0.0; self.links.len()];
-        for (link, [chord]) in self.chords(at) {
-            all[link] = chord;
-        }
-        all
-    }
-
-    /// Returns what the targets do not explain, white.
-    pub(super) fn residuals(&self, targets: &[Target]) -> Vec<f64> {
-        let mut residuals = self.measured.clone();
+    /// Returns what the targets do not explain, dB.
+    pub(super) fn residual_db(&self, targets: &[Target]) -> Vec<f64> {
+        let mut residual_db = self.attenuation_db.clone();
         for target in targets {
-            for (link, [chord]) in self.chords(target.at) {
-                residuals[link] -= target.strength * chord;
+            for (rest_db, link) in residual_db.iter_mut().zip(&self.links) {
+                *rest_db -= target.strength * self.settings.person.chord_m(link, target.at);
             }
         }
-        residuals
-    }
-
-    /// Returns what the targets do not explain, over the deviations of the links; slow noise is in it.
-    pub(super) fn raw_residuals(&self, targets: &[Target]) -> Vec<f64> {
-        let person = &self.settings.person;
-        let of_link = |(link, person_link): (usize, &PersonLink)| {
-            let explained = targets
-                .iter()
-                .map(|target| target.strength * person.chord_m(person_link, target.at));
-            (self.attenuation_db[link] - explained.sum::<f64>()) / self.sd_db[link]
-        };
-        self.links.iter().enumerate().map(of_link).collect()
+        residual_db
     }
 
     /// Returns the loss: minus the logarithm of the likelihood with the prior, but for a constant.
     pub(super) fn loss(&self, targets: &[Target]) -> f64 {
-        let residuals = self.residuals(targets).into_iter();
-        let ratios = residuals.map(|z| 1.0 + z * z / DEGREES);
+        let ratios = self
+            .residual_db(targets)
+            .into_iter()
+            .zip(&self.sd_db)
+            .map(|(rest_db, sd_db)| 1.0 + rest_db * rest_db / (sd_db * sd_db) / DEGREES);
         let prior: f64 = targets
             .iter()
             .map(|target| self.penalty(target.strength))
@@ -200,13 +168,19 @@ impl<'a> Evidence<'a> {
 
     /// Returns the derivatives at some targets.
     pub(super) fn derivatives(&self, targets: &[Target]) -> Derivatives {
-        let mut rows = vec![vec![0.0; self.links.len()]; 3 * targets.len()];
-        for (target, rows) in targets.iter().zip(rows.chunks_exact_mut(3)) {
-            for Touched { link, slopes } in self.touched(target) {
-                for (row, slope) in rows.iter_mut().zip(slopes) {
-                    row[link] = slope;
-                }
+        let half_m = HALF_STEP * self.settings.person.radius_m;
+        let mut rows = Vec::with_capacity(3 * targets.len());
+        for target in targets {
+            for (x_m, y_m) in [(half_m, 0.0), (0.0, half_m)] {
+                let beside = |sign: f64| {
+                    let at = Point::new(target.at.x_m + sign * x_m, target.at.y_m + sign * y_m);
+                    self.chords_m(at)
+                };
+                let slope = target.strength / (2.0 * half_m);
+                let steps = beside(1.0).into_iter().zip(beside(-1.0));
+                rows.push(steps.map(|(more, less)| slope * (more - less)).collect());
             }
+            rows.push(self.chords_m(target.at));
         }
         Derivatives(rows)
     }
@@ -263,10 +237,10 @@ impl<'a> Evidence<'a> {
     /// Returns minus the gradient of the loss, and its curvature (Gauss–Newton with the weights of the noise).
     fn normal_equations(&self, targets: &[Target]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let touched: Vec<Vec<Touched>> = targets.iter().map(|one| self.touched(one)).collect();
-        let mut residuals = self.measured.clone();
+        let mut residual_db = self.attenuation_db.clone();
         for (target, touched) in targets.iter().zip(&touched) {
             for one in touched {
-                residuals[one.link] -= target.strength * one.slopes[2];
+                residual_db[one.link] -= target.strength * one.slopes[2];
             }
         }
         let mut gradient = Vec::with_capacity(3 * targets.len());
@@ -274,15 +248,12 @@ impl<'a> Evidence<'a> {
         for (k, own) in touched.iter().enumerate() {
             let weighted: Vec<Touched> = own
                 .iter()
-                .map(|one| {
-                    let z = residuals[one.link];
-                    one.scaled(student::trust(z * z, DEGREES))
-                })
+                .map(|one| one.scaled(self.weight(one.link, residual_db[one.link])))
                 .collect();
             let mut slopes = [0.0; 3];
             for one in &weighted {
                 for (sum, slope) in slopes.iter_mut().zip(one.slopes) {
-                    *sum += slope * residuals[one.link];
+                    *sum += slope * residual_db[one.link];
                 }
             }
             gradient.extend(slopes);
@@ -308,7 +279,14 @@ impl<'a> Evidence<'a> {
         (gradient, curvature)
     }
 
-    /// Returns the links that a target touches, in their order, with the derivatives of [`Self::derivatives`].
+    /// Returns how much a link counts, with what is left of it.
+    fn weight(&self, link: usize, rest_db: f64) -> f64 {
+        let sd_db = self.sd_db[link];
+        let z = rest_db / sd_db;
+        student::trust(z * z, DEGREES) / (sd_db * sd_db)
+    }
+
+    /// Returns the links that a target touches, or would beside its place, with the derivatives of [`Self::derivatives`].
     fn touched(&self, target: &Target) -> Vec<Touched> {
         let person = &self.settings.person;
         let half_m = HALF_STEP * person.radius_m;
@@ -318,20 +296,19 @@ impl<'a> Evidence<'a> {
             [at(half_m, 0.0), at(-half_m, 0.0)],
             [at(0.0, half_m), at(0.0, -half_m)],
         ];
-        let white = self.slow.whitened(|index| {
-            let link = &self.links[index];
-            link.is_within_reach(target.at, 2.0 * half_m).then(|| {
+        let links = self.links.iter().enumerate();
+        links
+            .filter(|(_, link)| link.is_within_reach(target.at, 2.0 * half_m))
+            .map(|(index, link)| {
                 let of = |[more, less]: [Point; 2]| {
                     slope * (person.chord_m(link, more) - person.chord_m(link, less))
                 };
                 let [x, y] = beside.map(of);
-                let chord_m = person.chord_m(link, target.at);
-                [x, y, chord_m].map(|slope| slope / self.sd_db[index])
+                Touched {
+                    link: index,
+                    slopes: [x, y, person.chord_m(link, target.at)],
+                }
             })
-        });
-        let touched = white.into_iter();
-        touched
-            .map(|(link, slopes)| Touched { link, slopes })
             .collect()
     }
 

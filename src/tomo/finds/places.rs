@@ -5,8 +5,8 @@ use super::evidence::{Evidence, Target, sum_of_logarithms};
 use crate::geom::{Point, Rect};
 use crate::tomo::student::DEGREES;
 
-/// Chords shorter than this share of the longest one are left out.
-const LEAST_CHORD: f64 = 0.006;
+/// Chords shorter than this are left out, radii of a person.
+const LEAST_CHORD: f64 = 0.013;
 /// Places nearer than this to a target are closed, radii of a person.
 const SEPARATION: f64 = 2.0;
 /// Strengths that are tried, shares of the expected one.
@@ -18,7 +18,7 @@ const APART: f64 = 3.3;
 /// A place with the links that a person there would meet.
 struct Place {
     at: Point,
-    /// Link and chord, white.
+    /// Link and chord, metres.
     chords: Vec<(u32, f64)>,
 }
 
@@ -39,17 +39,15 @@ impl Places {
                 middle(index / columns, area.min.y_m, area.height_m(), rows),
             )
         };
+        let radius_m = evidence.settings.person.radius_m;
         let place = |at: Point| {
-            let chords = evidence.chords(at);
-            let longest = chords
-                .iter()
-                .fold(0.0, |most: f64, (_, [chord])| most.max(chord.abs()));
-            let counts = |(link, [chord]): (usize, [f64; 1])| {
-                (chord.abs() >= LEAST_CHORD * longest).then_some((link as u32, chord))
-            };
+            let chords_m = evidence.chords_m(at);
+            let chords = (0u32..)
+                .zip(chords_m)
+                .filter(|(_, chord_m)| *chord_m >= LEAST_CHORD * radius_m);
             Place {
                 at,
-                chords: chords.into_iter().filter_map(counts).collect(),
+                chords: chords.collect(),
             }
         };
         Places((0..columns * rows).map(|index| place(at(index))).collect())
@@ -62,10 +60,14 @@ impl Places {
         targets: &[Target],
         least: f64,
     ) -> Vec<Target> {
-        let scaled: Vec<(f64, f64)> = evidence
-            .residuals(targets)
-            .into_iter()
-            .map(|z| (z, 1.0 + z * z / DEGREES))
+        let residual_db = evidence.residual_db(targets);
+        let scaled: Vec<(f64, f64)> = residual_db
+            .iter()
+            .zip(&evidence.sd_db)
+            .map(|(rest_db, sd_db)| {
+                let z = rest_db / sd_db;
+                (z, 1.0 + z * z / DEGREES)
+            })
             .collect();
         let radius_m = evidence.settings.person.radius_m;
         let is_open = |place: &&Place| {
@@ -98,8 +100,9 @@ impl Place {
     fn best(&self, evidence: &Evidence<'_>, scaled: &[(f64, f64)]) -> (f64, Target) {
         let gain = |strength: f64| {
             let without = self.chords.iter().map(|(link, _)| scaled[*link as usize].1);
-            let with = self.chords.iter().map(|(link, chord)| {
-                let z = scaled[*link as usize].0 - strength * chord;
+            let with = self.chords.iter().map(|(link, chord_m)| {
+                let link = *link as usize;
+                let z = scaled[link].0 - strength * chord_m / evidence.sd_db[link];
                 1.0 + z * z / DEGREES
             });
             let gained = sum_of_logarithms(without) - sum_of_logarithms(with);

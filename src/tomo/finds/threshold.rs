@@ -74,7 +74,12 @@ impl FalseRate {
 /// Returns √det Λ at a place, 1/m².
 fn density(evidence: &Evidence<'_>, at: Point) -> f64 {
     let unit = |x_m: f64, y_m: f64| -> Vec<f64> {
-        let scaled = evidence.all_chords(Point::new(at.x_m + x_m, at.y_m + y_m));
+        let chords_m = evidence.chords_m(Point::new(at.x_m + x_m, at.y_m + y_m));
+        let scaled: Vec<f64> = chords_m
+            .iter()
+            .zip(&evidence.sd_db)
+            .map(|(chord_m, sd_db)| chord_m / sd_db)
+            .collect();
         let length = scaled.iter().map(|value| value * value).sum::<f64>().sqrt() + 1e-12;
         scaled.into_iter().map(|value| value / length).collect()
     };
