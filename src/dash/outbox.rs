@@ -1,12 +1,13 @@
 //! What goes to one page next. Two frames are on their way at most; the page gives credit back when it has drawn one, so a slow
 //! link makes nothing old, and a hidden page costs nothing. What waits is a set of subjects, never bytes: of each the newest
 //! is sent. Orders go before states, states before texts, those before tiles, tiles before images; but who was passed over a
-//! few times has its turn, so that a page that draws slowly sees all of it as well.
+//! few times has its turn, so that a page that draws slowly sees all of it as well. Within each of these all have their turn.
 //!
 //! States go ten times a second at most, tiles twenty times, who hears whom once. Every second a page is told which moment it
 //! shows, of which span; that also says that the server lives.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::ops::Bound;
 use std::time::Duration;
 
 use super::board::{Board, Subject};
@@ -52,6 +53,8 @@ pub struct Outbox {
     in_flight: u32,
     /// How many frames have gone since the last one of each class, while something of it waited.
     passed_over: [u8; 5],
+    /// What of each class went last.
+    sent_last: [Option<Subject>; 5],
     /// Before which time nothing of each rate goes.
     rates_at: [Time; 4],
     /// The number of the last event that was sent.
@@ -73,6 +76,7 @@ impl Outbox {
             rest: frame::texts(FrameKind::Welcome, shown.at, welcome.as_bytes()).into(),
             in_flight: 0,
             passed_over: [0; 5],
+            sent_last: [None; 5],
             rates_at: [now; 4],
             events_sent: 0,
             markers_sent: 0,
@@ -86,6 +90,7 @@ impl Outbox {
         let markers = self.waiting.get(&Subject::Markers).copied();
         self.waiting = everything(board, markers);
         (self.passed_over, self.rates_at) = ([0; 5], [now; 4]);
+        self.sent_last = [None; 5];
         (self.events_sent, self.is_anew, self.is_filling) = (0, true, true);
     }
 
@@ -167,24 +172,29 @@ impl Outbox {
             let subject = self.first(now)?;
             self.begin_interval(now, subject);
             if let Some(frame) = self.make(shown, subject) {
+                self.sent_last[class(subject)] = Some(subject);
                 self.count(now, class(subject));
                 return Some(frame);
             }
         }
     }
 
-    /// Returns what goes first of all that is due: the first of a class that has waited too long, or else the first of all.
+    /// Returns what goes first of all that is due: of a class that has waited too long, or else of the first class.
     fn first(&self, now: Time) -> Option<Subject> {
-        let is_due = |subject: &&Subject| self.due_at(**subject) <= now;
-        let of_class = |of: usize| {
-            let mut due = self.waiting.iter().filter(is_due);
-            due.find(|subject| class(**subject) == of)
-        };
         let is_impatient = |of: &usize| self.passed_over[*of] >= PATIENCE[*of];
-        let impatient = (0..PATIENCE.len()).filter(is_impatient).find_map(of_class);
+        let mut impatient = (0..PATIENCE.len()).filter(is_impatient);
         impatient
-            .or_else(|| self.waiting.iter().find(is_due))
-            .copied()
+            .find_map(|of| self.in_turn(now, of))
+            .or_else(|| (0..PATIENCE.len()).find_map(|of| self.in_turn(now, of)))
+    }
+
+    /// Returns what of a class is due and has its turn: the next one after that which went last.
+    fn in_turn(&self, now: Time, of: usize) -> Option<Subject> {
+        let is_due = |subject: &&Subject| class(**subject) == of && self.due_at(**subject) <= now;
+        let after = self.sent_last[of].map_or(Bound::Unbounded, Bound::Excluded);
+        let mut later = self.waiting.range((after, Bound::Unbounded));
+        let mut all = self.waiting.iter();
+        later.find(is_due).or_else(|| all.find(is_due)).copied()
     }
 
     /// Counts a frame of a class. Which moment is shown waits always, and counts once it is due.

@@ -146,9 +146,11 @@ fn numbered(input: BoardInput, number: u32) -> BoardInput {
 
 /// A board that is told everything before a moment again, in steps of so many inputs.
 fn told_again(history: &History, moment: Time, most: usize) -> Board {
-    let (board, mut from) = history.board_before(moment).unwrap();
-    let mut board = board.clone();
     let until = moment + Duration::from_nanos(1);
+    // Nothing is kept of a time in which nothing new was said.
+    let before = history.board_before(moment);
+    let (mut board, mut from) =
+        before.map_or((board(), until), |(board, from)| (board.clone(), from));
     while from < until {
         from = history.tell_again(&mut board, from, until, most);
     }

@@ -265,6 +265,26 @@ fn a_page_that_draws_slowly_while_everything_changes_sees_the_map_and_the_image_
 }
 
 #[test]
+fn a_page_that_draws_slowly_is_told_which_moment_it_shows_however_much_vehicles_say() {
+    let mut life = Life::new();
+    let vehicles = (1..9).map(|id| Subject::Vehicle(VehicleId(id)));
+    let (mut moments, mut texts) = (0, 0);
+    for tick in 0..300 {
+        // A frame a tick, and each time the texts of all vehicles are new.
+        life.now = at(f64::from(tick) / 4.0);
+        life.count += 1;
+        (1..9).for_each(|id| life.state(id, tick));
+        life.outbox.note(&vehicles.clone().collect());
+        life.outbox.credit(1);
+        let frame = life.take();
+        let is = |kind| frame.as_ref().is_some_and(|frame| is(frame, kind));
+        moments += usize::from(is(FrameKind::Moment));
+        texts += usize::from(is(FrameKind::Vehicle));
+    }
+    assert!(moments >= 5 && texts >= 40, "{moments} {texts}");
+}
+
+#[test]
 fn states_go_ten_times_a_second_however_often_they_change() {
     let mut life = Life::new();
     let mut frames = 0;
