@@ -15,6 +15,7 @@ pub mod events;
 pub mod frame;
 pub mod gate;
 pub mod geojson;
+pub mod given;
 pub mod heard_files;
 pub mod history;
 pub mod links;

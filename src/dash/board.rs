@@ -187,18 +187,18 @@ impl Board {
             }
             BoardInput::Ordered(request) => self.enter(now, request),
             BoardInput::Ended(number, outcome) => {
-                self.orders.end(*number, outcome.clone());
+                self.orders.given.end(*number, outcome.clone());
                 self.changes.insert(Subject::Orders);
                 let vehicles = outcome.vehicles.keys().copied().collect();
                 let text = format!("order {number}: {}", outcome_in_words(outcome));
                 self.add_event(now, EventKind::Order, vehicles, text);
             }
             BoardInput::Seat(page) => {
-                self.orders.set_seat(*page);
+                self.orders.seat = *page;
                 self.changes.insert(Subject::Orders);
             }
             BoardInput::MarkGiven(order) => {
-                let number = self.marks.enter(now, order.clone());
+                let number = self.marks.given.enter(now, order.clone());
                 let what = if order.take_back { "take back" } else { "mark" };
                 let (place, page) = (in_metres(order.place()), order.page);
                 self.mark_event(
@@ -207,7 +207,7 @@ impl Board {
                 );
             }
             BoardInput::MarkEnded(number, outcome) => {
-                self.marks.end(*number, *outcome);
+                self.marks.given.end(*number, *outcome);
                 self.mark_event(now, format!("mark {number}: {outcome}"));
             }
         }
@@ -220,7 +220,7 @@ impl Board {
     }
 
     fn enter(&mut self, now: Time, request: &OrderRequest) {
-        let number = self.orders.enter(now, request.clone());
+        let number = self.orders.given.enter(now, request.clone());
         self.changes.insert(Subject::Orders);
         let whom = request.targets().into_iter().collect();
         let (word, page) = (request.order.word(), request.page);

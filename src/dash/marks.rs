@@ -3,17 +3,15 @@
 //!
 //! A mark is known as stored once a ground station says it. What an operator says before is shown as asked for.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Mark, Position, RunId, Sender};
 
+use super::given::{Given, GivenBook};
 use crate::operator::given_marks::{MarkOutcome, MarkRequest};
-use crate::time::Time;
 
-/// So many requests of pages are shown.
-const SHOWN: usize = 16;
 /// Marks kept at most; those of the oldest run go first.
 const MARKS_MAX: usize = 500;
 /// A mark that no ground station has stored is given up after this time.
@@ -87,24 +85,14 @@ pub enum MarkState {
 }
 
 /// A mark that a page has asked for.
-#[derive(Clone, PartialEq, Debug)]
-pub struct GivenMark {
-    /// Its number.
-    pub number: u32,
-    /// What was asked for.
-    pub order: MarkOrder,
-    /// When.
-    pub at: Time,
-    /// What became of it; `None` = it is on its way.
-    pub outcome: Option<MarkOutcome>,
-}
+pub type GivenMark = Given<MarkOrder, MarkOutcome>;
 
 /// The marks that are known, and the last ones that pages have asked for.
 #[derive(Clone, Debug, Default)]
 pub struct MarkBook {
     known: BTreeMap<(RunId, Position), MarkState>,
-    given: VecDeque<GivenMark>,
-    last: u32,
+    /// The last ones that pages have asked for.
+    pub given: GivenBook<MarkOrder, MarkOutcome>,
 }
 
 impl MarkBook {
@@ -155,43 +143,11 @@ impl MarkBook {
         }
     }
 
-    /// Enters what a page asks for; returns its number.
-    pub fn enter(&mut self, now: Time, order: MarkOrder) -> u32 {
-        self.last = self.last.wrapping_add(1);
-        self.given.push_back(GivenMark {
-            number: self.last,
-            order,
-            at: now,
-            outcome: None,
-        });
-        if self.given.len() > SHOWN {
-            self.given.pop_front();
-        }
-        self.last
-    }
-
-    /// Takes what became of a mark that a page has asked for.
-    pub fn end(&mut self, number: u32, outcome: MarkOutcome) {
-        if let Some(given) = self.given.iter_mut().find(|given| given.number == number) {
-            given.outcome = Some(outcome);
-        }
-    }
-
-    /// Returns the number of the last mark that a page has asked for; 0 = none.
-    pub fn last(&self) -> u32 {
-        self.last
-    }
-
     /// Returns the marks that are known, by run and place.
     pub fn known(&self) -> impl Iterator<Item = (RunId, Position, MarkState)> {
         self.known
             .iter()
             .map(|((run, at), state)| (*run, *at, *state))
-    }
-
-    /// Returns the last marks that pages have asked for, oldest first.
-    pub fn given(&self) -> impl Iterator<Item = &GivenMark> {
-        self.given.iter()
     }
 
     /// Returns whether there is nothing to show.
@@ -308,24 +264,5 @@ mod tests {
             let refused = read(body).unwrap_err();
             assert!(refused.contains(reason), "{body}: {refused}");
         }
-    }
-
-    #[test]
-    fn the_book_keeps_the_last_requests_with_how_they_fared() {
-        let mut book = MarkBook::default();
-        let order = MarkOrder::read(br#"{"at":[1,2],"page":1}"#).unwrap();
-        for number in 1..=20 {
-            assert_eq!(book.enter(Time::ZERO, order.clone()), number);
-        }
-        book.end(20, MarkOutcome::NoRun);
-        book.end(1, MarkOutcome::NoRun);
-        let given: Vec<(u32, bool)> = book
-            .given()
-            .map(|given| (given.number, given.outcome.is_some()))
-            .collect();
-        assert_eq!(
-            (given.len(), given[0], given[15]),
-            (16, (5, false), (20, true))
-        );
     }
 }

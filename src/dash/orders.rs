@@ -1,13 +1,14 @@
 //! Orders of pages: what a request asks for, and a list of the last ones with how they fared. It judges no right
 //! ([`super::gate`] does), and brings nothing about: the operator does.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{GroundReport, MissionKind, OrderKind, RunId, VehicleId};
 
 use super::gate::PageId;
+use super::given::{Given, GivenBook};
 use crate::config::{GivenMission, Venue};
 use crate::operator::given_tasks::task_kind;
 use crate::operator::operator_actor::In;
@@ -15,8 +16,6 @@ use crate::operator::order_goal::{MissionRequest, OrderGoal, StopRequest};
 use crate::operator::outcome::OrderOutcome;
 use crate::time::Time;
 
-/// So many orders are shown.
-const SHOWN: usize = 16;
 /// An order is given up after this time.
 const ORDER_WITHIN: Duration = Duration::from_secs(5);
 /// So long it is watched who comes to rest under a stop.
@@ -213,69 +212,18 @@ impl OrderRequest {
 }
 
 /// An order that was given.
-#[derive(Clone, PartialEq, Debug)]
-pub struct GivenOrder {
-    /// Its number.
-    pub number: u32,
-    /// What was asked for.
-    pub request: OrderRequest,
-    /// When.
-    pub at: Time,
-    /// What became of it; `None` = it is on its way.
-    pub outcome: Option<OrderOutcome>,
-}
+pub type GivenOrder = Given<OrderRequest, OrderOutcome>;
 
 /// The last orders, and who has the seat.
 #[derive(Clone, Debug, Default)]
 pub struct OrderBook {
-    given: VecDeque<GivenOrder>,
-    seat: Option<PageId>,
-    last: u32,
+    /// The last orders.
+    pub given: GivenBook<OrderRequest, OrderOutcome>,
+    /// Who has the seat.
+    pub seat: Option<PageId>,
 }
 
 impl OrderBook {
-    /// Returns the number of the last order; 0 = none.
-    pub fn last(&self) -> u32 {
-        self.last
-    }
-
-    /// Enters an order; returns its number.
-    pub fn enter(&mut self, now: Time, request: OrderRequest) -> u32 {
-        self.last = self.last.wrapping_add(1);
-        self.given.push_back(GivenOrder {
-            number: self.last,
-            request,
-            at: now,
-            outcome: None,
-        });
-        if self.given.len() > SHOWN {
-            self.given.pop_front();
-        }
-        self.last
-    }
-
-    /// Takes what became of an order.
-    pub fn end(&mut self, number: u32, outcome: OrderOutcome) {
-        if let Some(order) = self.given.iter_mut().find(|order| order.number == number) {
-            order.outcome = Some(outcome);
-        }
-    }
-
-    /// Takes who has the seat.
-    pub fn set_seat(&mut self, seat: Option<PageId>) {
-        self.seat = seat;
-    }
-
-    /// Returns who has the seat.
-    pub fn seat(&self) -> Option<PageId> {
-        self.seat
-    }
-
-    /// Returns the last orders, oldest first.
-    pub fn given(&self) -> impl Iterator<Item = &GivenOrder> {
-        self.given.iter()
-    }
-
     /// Returns the last stop for all vehicles, if it was given after a moment.
     pub fn stop_of_all_since(&self, moment: Time) -> Option<&GivenOrder> {
         let is_it = |order: &&GivenOrder| {
@@ -476,16 +424,5 @@ mod tests {
             let refused = judged(kind, with, ground).unwrap_err();
             assert!(refused.contains(reason), "{kind} {with:?}: {refused}");
         }
-    }
-
-    #[test]
-    fn the_book_keeps_the_last_orders_and_forgets_the_oldest() {
-        let mut book = OrderBook::default();
-        let request = read(r#"{"order":"hold","page":1}"#).unwrap();
-        for number in 1..=20 {
-            assert_eq!(book.enter(Time::ZERO, request.clone()), number);
-        }
-        let numbers: Vec<u32> = book.given().map(|order| order.number).collect();
-        assert_eq!(numbers, (5..=20).collect::<Vec<u32>>());
     }
 }

@@ -312,7 +312,7 @@ impl PageServer {
             judged.map_err(GateRefusal::Unreadable)?;
         }
         self.tell(now, &BoardInput::Ordered(request.clone()));
-        let number = self.board.orders().last();
+        let number = self.board.orders().given.last();
         self.effects
             .extend(request.input(number, mission).map(PageEffect::Tell));
         Ok(number)
@@ -332,7 +332,7 @@ impl PageServer {
         let order = MarkOrder::read(body).map_err(GateRefusal::Unreadable)?;
         self.gate.judge_mark(now)?;
         self.tell(now, &BoardInput::MarkGiven(order.clone()));
-        let number = self.board.marks().last();
+        let number = self.board.marks().given.last();
         let told = PageEffect::Tell(In::Mark(number, order.request()));
         self.effects.push(told);
         Ok(number)

@@ -372,14 +372,15 @@ pub fn orders(now: Time, board: &Board) -> String {
     let stops: Vec<Value> = view.open_stops().iter().map(stop).collect();
     let orders: Vec<Value> = board
         .orders()
-        .given()
+        .given
+        .iter()
         .map(|order| given(now, order))
         .collect();
     json!({
         "isLinked": board.is_linked(),
         "stops": stops,
         "orders": orders,
-        "seat": board.orders().seat().map(|page| page.0),
+        "seat": board.orders().seat.map(|page| page.0),
         "lease": view.lease(now).number,
     })
     .to_string()
@@ -413,10 +414,10 @@ pub fn marks(now: Time, board: &Board) -> String {
     let given = |given: &GivenMark| {
         json!({
             "number": given.number,
-            "at": position(given.order.place()),
-            "run": given.order.run,
-            "takeBack": given.order.take_back,
-            "page": given.order.page,
+            "at": position(given.request.place()),
+            "run": given.request.run,
+            "takeBack": given.request.take_back,
+            "page": given.request.page,
             "age_s": now.since(given.at).as_secs_f64(),
             "isOver": given.outcome.is_some(),
             "isDone": matches!(given.outcome, Some(MarkOutcome::Stored(_))),
@@ -425,7 +426,7 @@ pub fn marks(now: Time, board: &Board) -> String {
     };
     json!({
         "marks": known.collect::<Vec<_>>(),
-        "given": board.marks().given().map(given).collect::<Vec<_>>(),
+        "given": board.marks().given.iter().map(given).collect::<Vec<_>>(),
     })
     .to_string()
 }

@@ -5,9 +5,12 @@
 //! ```text
 //!   heard: a later start, or what this start has not done
 //!     ├─ it only asks to take part ─► decided when it does: the other may be a twin, and then it is refused for that
-//!     ├─ it begins (first minute)  ─► ends with the reason; whoever supervises it starts it again, above what was heard
+//!     ├─ it begins                 ─► ends with the reason; whoever supervises it starts it again, above what was heard
 //!     └─ later, or ended so 3 times in a row ─► goes on and shows a trouble
 //! ```
+//!
+//! A start has begun after a minute, or once a ground station says that it has samples of this start, and not more than there
+//! are: then nobody else has used its number.
 //!
 //! Nobody can prove such a word: where there are no certificates a stranger may say any of them, and make the vehicle begin
 //! three times more, but not for ever. Requests for tiles and tiles are not listened to: both only follow a digest.
@@ -17,13 +20,13 @@ use std::sync::Mutex;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, LayerId, Message, RunId, SeenState, VehicleId};
+use tomoswarm_proto::{Boot, HeardFrom, LayerId, Message, RunId, SeenState, VehicleId};
 
 use super::mailbox::{Ending, RuntimeContext, Troubles, lock};
 use super::state_dir::{StartCounts, StateDirError};
 use crate::time::Time;
 
-/// A node that has run for longer does not end by itself.
+/// A start that has run for longer does not end by itself.
 const BEGINS_FOR: Duration = Duration::from_secs(60);
 /// So many starts in a row end by themselves at most.
 const ENDS_IN_A_ROW: u32 = 3;
@@ -46,6 +49,8 @@ struct Heard {
     latest: Option<Boot>,
     /// Whether this node takes part.
     is_member: bool,
+    /// Whether a ground station has samples of this start and none that it has not measured.
+    is_confirmed: bool,
     /// How many starts before this one ended by themselves, in a row.
     ended_before: u32,
     /// Whether this one does.
@@ -65,6 +70,17 @@ impl Done {
     /// Returns whether a run has samples of this start that it has not measured.
     fn has_unmeasured(&self, run: RunId, below: u64) -> bool {
         below > self.measured.get(&run).copied().unwrap_or(0)
+    }
+
+    /// Returns whether a message says that samples of this start are stored, and none that it has not measured.
+    fn is_confirmed(&self, own: LayerId, message: &Message) -> bool {
+        let Message::Have(have) = message else {
+            return false;
+        };
+        let of_own = |mark: &&HeardFrom| (mark.vehicle, mark.boot) == (own.vehicle, own.boot);
+        let mut marks = have.watermarks.iter().filter(of_own);
+        let has_some = marks.clone().any(|mark| mark.below > 0);
+        has_some && marks.all(|mark| !self.has_unmeasured(mark.run, mark.below))
     }
 }
 
@@ -105,6 +121,7 @@ impl LaterStart {
     pub(super) fn hear(&self, now: Time, message: &Message) {
         let mut heard = lock(&self.heard);
         let Some(boot) = later_start(self.own, &heard.done, message) else {
+            heard.is_confirmed |= heard.is_member && heard.done.is_confirmed(self.own, message);
             return;
         };
         if heard.latest >= Some(boot) {
@@ -140,7 +157,7 @@ impl LaterStart {
         if heard.ended_before >= ENDS_IN_A_ROW {
             let forged = format!("or somebody forges it: it began anew {ENDS_IN_A_ROW} times");
             self.troubles.raise("start", format!("{reason}, {forged}"));
-        } else if is_under_way(now) || heard.is_ending {
+        } else if is_under_way(now) || heard.is_confirmed || heard.is_ending {
             self.troubles
                 .raise("start", format!("{reason}; start it anew"));
         } else if note(self.counts.keep_early_ends(heard.ended_before + 1)) {
@@ -237,8 +254,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, channel};
 
     use tomoswarm_proto::{
-        Digest, Have, HeardFrom, LayerDigest, Lease, Order, OrderKind, Plan, Revision, State,
-        TileRequest,
+        Digest, Have, LayerDigest, Lease, Order, OrderKind, Plan, Revision, State, TileRequest,
     };
 
     use super::*;
@@ -504,6 +520,28 @@ mod tests {
         start.later.settle(UNDER_WAY);
         drop(start);
         assert!(begin().end().is_some());
+    }
+
+    #[test]
+    fn a_start_whose_samples_are_stored_is_not_ended_by_what_is_forged_afterwards() {
+        let folder = tempfile::tempdir().unwrap();
+        let start = Start::of(folder.path());
+        start.later.join(BEGINNING);
+        start.later.measure(RunId(1), 0);
+        start.later.hear(BEGINNING, &have(&[(start.after(0), 1)]));
+        start.later.hear(BEGINNING, &have(&[(start.after(0), 9)]));
+        assert_eq!(start.end(), None);
+        assert!(!start.troubles.list().is_empty(), "it is shown");
+    }
+
+    #[test]
+    fn that_a_ground_station_has_no_samples_of_a_start_says_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let start = Start::of(folder.path());
+        start.later.join(BEGINNING);
+        start.later.hear(BEGINNING, &have(&[(start.after(0), 0)]));
+        start.later.hear(BEGINNING, &have(&[(start.after(0), 9)]));
+        assert!(start.end().is_some());
     }
 
     #[test]

@@ -135,15 +135,21 @@ fn a_real_sensor_drives_a_simulated_body_and_without_one_nobody_drives() {
         assert_eq!(health(watch, 2).unwrap().range, None);
         assert_eq!(health(watch, 1).unwrap().range.unwrap().glitches, 0);
     });
-    let preflight = swarm.tool(&["preflight", "operator.toml", "--vehicles", "1,2"]);
-    let refused = preflight
-        .lines()
-        .find(|line| line.contains("devices") && line.contains("NO-GO"))
-        .unwrap();
-    assert!(
-        refused.contains("vehicle 2") && refused.contains("no range sensor"),
-        "{preflight}"
-    );
+    // On a machine that has much else to do it takes longer until everybody is heard.
+    let preflight = swarm.tool(&[
+        "preflight",
+        "operator.toml",
+        "--vehicles",
+        "1,2",
+        "--for",
+        "12",
+    ]);
+    let mut devices = preflight.lines().filter(|line| line.contains("devices"));
+    let is_refused = devices.any(|line| {
+        let says = ["vehicle 2", "NO-GO", "no range sensor: it sees nothing"];
+        says.into_iter().all(|words| line.contains(words))
+    });
+    assert!(is_refused, "{preflight}");
     swarm.begin();
     // Longer than a simulated autopilot drives without a word of its companion.
     swarm.until("the one that sees drives", 90, |watch| {

@@ -339,7 +339,7 @@ fn marks_of_whoever_may_not_and_what_is_no_mark_are_refused_and_told_to_nobody()
     );
     for server in [&mut of_swarm, &mut of_recording] {
         assert_eq!(told(&server.due(at(1.0))), 0);
-        assert_eq!(server.board().marks().last(), 0);
+        assert_eq!(server.board().marks().given.last(), 0);
     }
     for _ in 0..20 {
         assert!(mark(&mut of_swarm, 2.0, OPERATE, MARK).is_ok());

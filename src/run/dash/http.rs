@@ -37,6 +37,9 @@ const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
 /// The reason of a closed connection has at most this many bytes.
 const REASON_BYTES: usize = 120;
 
+/// What most answers are.
+const JSON_TYPE: &str = "application/json";
+
 /// The protocols of Foxglove and Lichtblick that are spoken: two names of the same.
 const FOXGLOVE_PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 /// Longest message of such a viewer, bytes: it names channels by the hundred.
@@ -89,11 +92,11 @@ pub(super) enum Request {
         /// What.
         what: PostWord,
         /// The header of that name.
-        authorization: Option<String>,
+        authorization: String,
         /// What was posted.
         body: Vec<u8>,
-        /// Its number, or why it is refused.
-        reply: oneshot::Sender<Result<u32, GateRefusal>>,
+        /// Its number as JSON, or why it is refused.
+        reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
     /// Which links made a pixel.
     Why {
@@ -120,7 +123,7 @@ pub(super) enum Request {
         /// What.
         what: LookWord,
         /// The header of that name.
-        authorization: Option<String>,
+        authorization: String,
         /// Its text, or why it is refused.
         reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
@@ -348,21 +351,36 @@ async fn bring_about(
     if let Err(refusal) = shared.names.judge_origin(only(headers, header::ORIGIN)) {
         return refused(&refusal);
     }
-    let (reply, answer) = oneshot::channel();
-    let is_taken = shared.requests.send(Request::Post {
+    let body = body.to_vec();
+    let post = |authorization, reply| Request::Post {
         what,
-        authorization: only(headers, header::AUTHORIZATION).map(str::to_owned),
-        body: body.to_vec(),
+        authorization,
+        body,
         reply,
-    });
-    if !is_taken {
+    };
+    ask(shared, headers, JSON_TYPE, post).await
+}
+
+/// Asks the loop for what it tells holders of a token only, and answers with that as a media type.
+async fn ask<T: IntoResponse>(
+    shared: &Shared,
+    headers: &HeaderMap,
+    kind: &'static str,
+    request: impl FnOnce(String, oneshot::Sender<Result<T, GateRefusal>>) -> Request,
+) -> Response {
+    // A page of somebody else can ask, but cannot say this header: it must not fill the queue in which orders wait.
+    let Some(authorization) = only(headers, header::AUTHORIZATION) else {
+        return refused(&GateRefusal::Token);
+    };
+    let (reply, answer) = oneshot::channel();
+    if !shared
+        .requests
+        .send(request(authorization.to_owned(), reply))
+    {
         return refused(&GateRefusal::Flood);
     }
     match answer.await {
-        Ok(Ok(number)) => {
-            let text = format!("{{\"number\":{number}}}");
-            ([(header::CONTENT_TYPE, "application/json")], text).into_response()
-        }
+        Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
     }

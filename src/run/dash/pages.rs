@@ -216,7 +216,7 @@ impl Pages {
                 authorization,
                 reply,
             } => {
-                let token = authorization.as_deref();
+                let token = Some(authorization.as_str());
                 let text = match what {
                     LookWord::Metrics => self.server.metrics(now, token),
                     LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
@@ -228,7 +228,7 @@ impl Pages {
                     }
                     LookWord::Places(text) => self.server.places(token, &text),
                 };
-                let _ = reply.send(text);
+                send(reply, text);
             }
             Request::Post {
                 what,
@@ -236,7 +236,7 @@ impl Pages {
                 body,
                 reply,
             } => {
-                let token = authorization.as_deref();
+                let token = Some(authorization.as_str());
                 let (word, taken) = match what {
                     PostWord::Order => ("order", self.server.order(now, token, &body)),
                     PostWord::Mark => ("mark", self.server.mark(now, token, &body)),
@@ -245,7 +245,10 @@ impl Pages {
                     Ok(number) => tracing::info!("{word} {number} of a page: {}", shown(&body)),
                     Err(refusal) => tracing::warn!("{word} of a page refused: {refusal}"),
                 }
-                let _ = reply.send(taken);
+                send(
+                    reply,
+                    taken.map(|number| format!("{{\"number\":{number}}}")),
+                );
             }
         }
     }

@@ -7,10 +7,9 @@ use axum::extract::{Request as HttpRequest, State};
 use axum::http::header::{self, HeaderMap};
 use axum::http::{StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
-use tokio::sync::oneshot;
 use tomoswarm_proto::RunId;
 
-use super::{GateRefusal, LookWord, MissionFormat, Request, Shared, only, refused};
+use super::{GateRefusal, JSON_TYPE, LookWord, MissionFormat, Request, Shared, ask, only, refused};
 
 /// Text as it is.
 const PLAIN_TYPE: &str = "text/plain; charset=utf-8";
@@ -24,11 +23,11 @@ pub(super) async fn metrics(State(shared): State<Arc<Shared>>, headers: HeaderMa
 }
 
 pub(super) async fn preflight(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Preflight, &headers, "application/json").await
+    look(&shared, LookWord::Preflight, &headers, JSON_TYPE).await
 }
 
 pub(super) async fn mesh(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Mesh, &headers, "application/json").await
+    look(&shared, LookWord::Mesh, &headers, JSON_TYPE).await
 }
 
 pub(super) async fn settings(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
@@ -84,7 +83,7 @@ pub(super) async fn places(State(shared): State<Arc<Shared>>, request: HttpReque
     match to_bytes(body, FILE_BYTES_MAX).await {
         Ok(text) => {
             let what = LookWord::Places(text.to_vec());
-            look(&shared, what, &headers, "application/json").await
+            look(&shared, what, &headers, JSON_TYPE).await
         }
         Err(_) => {
             let text = format!("a mission of at most {FILE_BYTES_MAX} bytes is expected");
@@ -101,19 +100,13 @@ pub(super) async fn why(
     if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
         return refused(&refusal);
     }
-    let Some(authorization) = only(&headers, header::AUTHORIZATION) else {
-        return refused(&GateRefusal::Token);
-    };
-    let (reply, answer) = oneshot::channel();
-    let request = Request::Why {
-        authorization: authorization.to_owned(),
-        question: body.to_vec(),
+    let question = body.to_vec();
+    let why = |authorization, reply| Request::Why {
+        authorization,
+        question,
         reply,
     };
-    match shared.requests.send(request) {
-        true => said(answer.await, "application/json"),
-        false => refused(&GateRefusal::Flood),
-    }
+    ask(&shared, &headers, JSON_TYPE, why).await
 }
 
 async fn look(
@@ -122,32 +115,12 @@ async fn look(
     headers: &HeaderMap,
     kind: &'static str,
 ) -> Response {
-    // A page of somebody else can ask, but cannot say this header: it must not fill the queue in which orders wait.
-    let Some(authorization) = only(headers, header::AUTHORIZATION) else {
-        return refused(&GateRefusal::Token);
-    };
-    let (reply, answer) = oneshot::channel();
-    let is_taken = shared.requests.send(Request::Look {
+    let look = |authorization, reply| Request::Look {
         what,
-        authorization: Some(authorization.to_owned()),
+        authorization,
         reply,
-    });
-    match is_taken {
-        true => said(answer.await, kind),
-        false => refused(&GateRefusal::Flood),
-    }
-}
-
-/// Returns what the loop has said as an answer of a media type.
-fn said<T: IntoResponse>(
-    answer: Result<Result<T, GateRefusal>, oneshot::error::RecvError>,
-    kind: &'static str,
-) -> Response {
-    match answer {
-        Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
-        Ok(Err(refusal)) => refused(&refusal),
-        Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
-    }
+    };
+    ask(shared, headers, kind, look).await
 }
 
 /// A file of a run (`run=NUMBER&file=NAME`), or which files there are (`run=NUMBER`).
@@ -164,23 +137,16 @@ pub(super) async fn export(
         let expected = "run=NUMBER is expected, and perhaps file=NAME";
         return refused(&GateRefusal::Unreadable(expected.to_owned()));
     };
-    let Some(authorization) = only(&headers, header::AUTHORIZATION) else {
-        return refused(&GateRefusal::Token);
-    };
     let name = value("file").map(str::to_owned);
     let kind = match name {
         Some(_) => "application/octet-stream",
-        None => "application/json",
+        None => JSON_TYPE,
     };
-    let (reply, answer) = oneshot::channel();
-    let request = Request::Export {
-        authorization: authorization.to_owned(),
+    let export = |authorization, reply| Request::Export {
+        authorization,
         run: RunId(run),
         name,
         reply,
     };
-    match shared.requests.send(request) {
-        true => said(answer.await, kind),
-        false => refused(&GateRefusal::Flood),
-    }
+    ask(&shared, &headers, kind, export).await
 }
