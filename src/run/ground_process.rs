@@ -10,12 +10,12 @@ mod archive;
 mod store_thread;
 mod utc;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 
-use tomoswarm_proto::{Boot, GroundReport, Message, Sender, VehicleId, codec};
+use tomoswarm_proto::{Boot, GroundReport, Hello, Message, OperatorId, Sender, VehicleId, codec};
 
 use self::archive::Archive;
 use self::store_thread::{StoreJob, keeper};
@@ -148,6 +148,7 @@ pub fn run(
         node: node.clone(),
         store: to_store.clone(),
         expected: expected(file),
+        operators: Mutex::default(),
     };
     let mut member = process.join(bus, hello, move |sender, message| {
         subscriber.take(sender, message)
@@ -272,6 +273,8 @@ struct Subscriber {
     node: LiveGround,
     store: SyncSender<StoreJob>,
     expected: BTreeSet<VehicleId>,
+    /// Which start of each operator was told what is marked.
+    operators: Mutex<BTreeMap<OperatorId, u64>>,
 }
 
 impl Subscriber {
@@ -293,6 +296,16 @@ impl Subscriber {
         is_own && about.is_none_or(|vehicle| self.expected.contains(&vehicle))
     }
 
+    /// Has an operator told what is marked once it takes part: it hears what is said from then on.
+    fn tell_marks(&self, operator: OperatorId, hello: &Hello) {
+        let is_told =
+            || lock(&self.operators).insert(operator, hello.instance) == Some(hello.instance);
+        if hello.is_member && !is_told() && self.store.try_send(StoreJob::TellMarks).is_err() {
+            // The store cannot keep pace: it greets again.
+            lock(&self.operators).remove(&operator);
+        }
+    }
+
     /// Samples and what else is stored first go to the store, but nothing of strangers.
     fn take(&self, sender: Sender, message: Message) {
         if !self.is_of_swarm(sender, &message) {
@@ -310,8 +323,9 @@ impl Subscriber {
                             hello.software,
                         )));
                     }
-                    // It names the lease that it holds.
-                    Sender::Operator(_) => {
+                    Sender::Operator(operator) => {
+                        self.tell_marks(operator, &hello);
+                        // It names the lease that it holds.
                         self.node.tell(Event::Bus(sender, Message::Hello(hello)))
                     }
                     Sender::Ground => {}
