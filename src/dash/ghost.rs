@@ -175,6 +175,6 @@ mod tests {
         let poses = poses(&ghost, Time::ZERO);
         assert!(poses.len() > POSES_MAX / 2 && poses.len() <= POSES_MAX);
         assert!(poses.last().unwrap()[0] > 59_970, "up to its end");
-        assert!(poses.windows(2).all(|two| two[1][0] - two[0][0] <= 8));
+        assert!(poses.windows(2).all(|two| two[1][0] - two[0][0] <= 16));
     }
 }

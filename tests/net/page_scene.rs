@@ -10,6 +10,8 @@ use crate::browser::Browser;
 use crate::dash::{Dash, every_control_has_a_name, pixel, shot, view};
 use crate::sim_page::SimulationWithPage;
 
+/// A tile of cells of 0.1 m is this wide.
+const TILE_M: f64 = 3.2;
 /// What is said of a cell.
 const SAID: &str = "document.getElementById('cell').innerText";
 
@@ -143,9 +145,10 @@ fn a_cell_says_who_has_seen_it_what_and_when_to_pointer_and_key_and_of_an_earlie
     assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
-/// Gives the page's model a tile of a slice as the feed would.
-fn take_tile(browser: &mut Browser, slice: i16, value: i8) {
-    let record = frame::tile(slice, 0, 0, &[value; TILE_CELLS]);
+/// Gives the page's model a tile of a slice at a place as the feed would.
+fn take_tile(browser: &mut Browser, at: [f64; 2], slice: i16, value: i8) {
+    let [x, y] = at.map(|metres| (metres / TILE_M).floor() as i32);
+    let record = frame::tile(slice, x, y, &[value; TILE_CELLS]);
     let bytes = frame::records(FrameKind::Tiles, Time::ZERO, 1, &record);
     let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     browser.eval(&format!(
@@ -189,7 +192,7 @@ fn one_slice_of_altitude_is_shown_or_all_by_a_list_and_by_a_key() {
            return null; })()",
     );
     let free = [0, 1].map(|axis| free[axis].as_f64().unwrap());
-    take_tile(&mut browser, 1, 17);
+    take_tile(&mut browser, free, 1, 17);
     browser.until("!document.getElementById('slice-choice').hidden", 5);
     let choose = |slice: &str| {
         format!(
@@ -212,7 +215,7 @@ fn one_slice_of_altitude_is_shown_or_all_by_a_list_and_by_a_key() {
         browser.eval(&choose("0"));
         occupied(&mut browser)
     };
-    take_tile(&mut browser, 1, -17);
+    take_tile(&mut browser, wall, 1, -17);
     browser.eval(&choose(""));
     let word = format!("tomoswarm.scene.cellWord({}, {})", wall[0], wall[1]);
     assert_eq!(browser.eval(&word), "occupied");

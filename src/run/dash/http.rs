@@ -25,7 +25,7 @@ use tokio_rustls::rustls::ServerConfig;
 use tomoswarm_proto::RunId;
 
 use self::looks::{
-    cell, export, links, mesh, metrics, places, preflight, settings, waypoints, why,
+    cell, export, ghost, links, mesh, metrics, places, preflight, settings, waypoints, why,
 };
 use super::files;
 use super::tls::TlsListener;
