@@ -19,7 +19,7 @@ use tomoswarm::sim::Scenario;
 use tomoswarm::sim::bus::BusListener;
 use tomoswarm::store::recording::what_was_said;
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Message, Sender, VehicleId};
+use tomoswarm_proto::{Message, Position, Sender, VehicleId};
 
 use crate::browser::Browser;
 use crate::dash::{Dash, shot, view};
@@ -345,7 +345,7 @@ fn another_run_is_shown_beside_a_recording_at_the_same_time_of_the_run() {
             let id = vehicle[0].as_u64().unwrap() as u8;
             let expected = place_at(&others, id, at_s - shift_s);
             let away = [1, 2].map(|axis| vehicle[axis].as_f64().unwrap() - expected[axis - 1]);
-            // Between two of its poses it is on a straight line, and rovers turn.
+            // Times go in tenths of a second, and between two of its poses it is on a straight line.
             assert!(
                 libm::hypot(away[0], away[1]) < 0.35,
                 "{id} at {at_s} s: {vehicle} is not at {expected:?}"
@@ -395,18 +395,23 @@ fn another_run_is_shown_beside_a_recording_at_the_same_time_of_the_run() {
     assert_eq!(output.unwrap().status.code(), Some(2));
 }
 
-/// Where a vehicle was by its own word at a time of its run, metres.
+/// Where a vehicle was at a time of its run, between the two places that it said then, metres.
 fn place_at(run: &[(Time, HeardMessage)], id: u8, at_s: f64) -> [f64; 2] {
-    let of = run.iter().rev().find_map(|(at, heard)| match heard {
-        HeardMessage::Message(_, Message::State(state))
-            if state.vehicle == VehicleId(id) && at.as_secs_f64() <= at_s =>
-        {
-            state.pose
+    let said = run.iter().filter_map(|(at, heard)| match heard {
+        HeardMessage::Message(_, Message::State(state)) if state.vehicle == VehicleId(id) => {
+            Some((at.as_secs_f64(), state.pose?.at))
         }
         _ => None,
     });
-    let at = of.unwrap().at;
-    [at.x_m(), at.y_m()]
+    let said: Vec<(f64, Position)> = said.collect();
+    let next = said.partition_point(|(at, _)| *at <= at_s);
+    let (one, other) = (said[next - 1], said[next]);
+    let share = (at_s - one.0) / (other.0 - one.0);
+    let between = |from: f64, to: f64| from + share * (to - from);
+    [
+        between(one.1.x_m(), other.1.x_m()),
+        between(one.1.y_m(), other.1.y_m()),
+    ]
 }
 
 /// What the program says to `dash --replay` of a path.
