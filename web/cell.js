@@ -81,7 +81,7 @@ export class CellView {
       const where = isAll ? `, ${map.name(row.slice)}` : "";
       const time = this.model.timeText((at_s - row.age_s) * 1000);
       const when = `${ageText(row.age_s)} ago${row.mayBeOlder ? " or earlier" : ""} (${time})`;
-      return item("li", `vehicle ${row.vehicle} (start ${row.boot})${where}: ${row.says}, ${share} % occupied; its tile changed ${when}`);
+      return item("li", `vehicle ${row.vehicle} (start ${row.boot})${where}: ${row.says} (occupied with ${share} %); its tile changed ${when}`);
     });
     if (leftOut > 0) rows.push(item("li", `and ${leftOut} that changed earlier`));
     const list = document.createElement("ul");

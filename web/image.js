@@ -27,7 +27,7 @@ export class ImagePanel {
     const image = this.model.images.get(subject);
     const canvas = document.getElementById("heat");
     const text = document.getElementById("heat-scale");
-    const images = this.showFinds(subject);
+    const found = this.showFinds(subject);
     document.getElementById("heat-finds").hidden = !image;
     if (!image) {
       text.textContent = "No image yet: the ground station makes one when there are links.";
@@ -41,7 +41,7 @@ export class ImagePanel {
     const pen = canvas.getContext("2d");
     pen.imageSmoothingEnabled = false;
     pen.drawImage(picture, 0, 0, canvas.width, canvas.height);
-    drawFindsOver(document.getElementById("heat-finds"), canvas, image, images);
+    drawFindsOver(document.getElementById("heat-finds"), canvas, image, found);
     text.textContent = `${caption(image, plane)} Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links, ${image.linksDropped} left out.`;
   }
 

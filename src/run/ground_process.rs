@@ -7,17 +7,20 @@
 //! knows it: it closes no run, and is silent about what it has, so that vehicles send everything again afterwards.
 
 mod archive;
+mod newcomers;
 mod store_thread;
 mod utc;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use tomoswarm_proto::{Boot, GroundReport, Hello, Message, OperatorId, Sender, VehicleId, codec};
 
 use self::archive::Archive;
+use self::newcomers::Newcomers;
 use self::store_thread::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
 use super::mailbox::{Troubles, lock};
@@ -148,7 +151,7 @@ pub fn run(
         node: node.clone(),
         store: to_store.clone(),
         expected: expected(file),
-        operators: Mutex::default(),
+        newcomers: Mutex::default(),
     };
     let mut member = process.join(bus, hello, move |sender, message| {
         subscriber.take(sender, message)
@@ -273,8 +276,8 @@ struct Subscriber {
     node: LiveGround,
     store: SyncSender<StoreJob>,
     expected: BTreeSet<VehicleId>,
-    /// Which start of each operator was told what is marked.
-    operators: Mutex<BTreeMap<OperatorId, u64>>,
+    /// Operators that are told what is marked.
+    newcomers: Mutex<Newcomers>,
 }
 
 impl Subscriber {
@@ -296,13 +299,13 @@ impl Subscriber {
         is_own && about.is_none_or(|vehicle| self.expected.contains(&vehicle))
     }
 
-    /// Has an operator told what is marked once it takes part: it hears what is said from then on.
-    fn tell_marks(&self, operator: OperatorId, hello: &Hello) {
-        let is_told =
-            || lock(&self.operators).insert(operator, hello.instance) == Some(hello.instance);
-        if hello.is_member && !is_told() && self.store.try_send(StoreJob::TellMarks).is_err() {
-            // The store cannot keep pace: it greets again.
-            lock(&self.operators).remove(&operator);
+    /// Has an operator who has just come told what is marked.
+    fn tell_marks(&self, hello: &Hello) {
+        let mut newcomers = lock(&self.newcomers);
+        let is_new = newcomers.greets(Instant::now(), hello.instance);
+        if is_new && self.store.try_send(StoreJob::TellMarks).is_err() {
+            // The store cannot keep pace.
+            newcomers.forget(hello.instance);
         }
     }
 
@@ -323,8 +326,8 @@ impl Subscriber {
                             hello.software,
                         )));
                     }
-                    Sender::Operator(operator) => {
-                        self.tell_marks(operator, &hello);
+                    Sender::Operator(_) => {
+                        self.tell_marks(&hello);
                         // It names the lease that it holds.
                         self.node.tell(Event::Bus(sender, Message::Hello(hello)))
                     }

@@ -10,8 +10,8 @@ use crate::browser::Browser;
 use crate::dash::{Dash, every_control_has_a_name, pixel, shot, view};
 use crate::sim_page::SimulationWithPage;
 
-/// A tile of cells of 0.1 m is this wide.
-const TILE_M: f64 = 3.2;
+/// A tile is this wide: 32 cells of 0.2 m.
+const TILE_M: f64 = 6.4;
 /// What is said of a cell.
 const SAID: &str = "document.getElementById('cell').innerText";
 
@@ -69,7 +69,7 @@ fn a_cell_says_who_has_seen_it_what_and_when_to_pointer_and_key_and_of_an_earlie
     let wall = occupied(&mut browser);
     point_at(&mut browser, wall);
     browser.until(
-        &format!("/: occupied\\n(.*\\n)*.*vehicle [12] \\(start 1\\): occupied, [5-9][0-9] % occupied; its tile changed .* ago/.test({SAID})"),
+        &format!("/: occupied\\n(.*\\n)*.*vehicle [12] \\(start 1\\): occupied \\(occupied with [5-9][0-9] %\\); its tile changed .* ago/.test({SAID})"),
         10,
     );
     shot(&mut browser, "cell");
@@ -228,7 +228,9 @@ fn one_slice_of_altitude_is_shown_or_all_by_a_list_and_by_a_key() {
     browser.until(&format!("{says}.includes('all altitudes')"), 5);
     every_control_has_a_name(&mut browser);
     let options = "[...document.getElementById('slice').options].map((o) => o.textContent).join()";
-    assert_eq!(browser.eval(options), "all altitudes,slice 0,slice 1");
+    // The venue names the borders of the lowest.
+    let names = "all altitudes,slice 0, 0 to 2 m,slice 1";
+    assert_eq!(browser.eval(options), names);
     browser.key("v", "KeyV", 86);
     browser.until(
         "tomoswarm.view.space?.layers.groups.get('walls')?.children.length === 1",
