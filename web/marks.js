@@ -84,7 +84,7 @@ export class MarkPanel {
     this.drawnKey = key;
     const mayOrder = this.model.place?.mayOrder === true;
     for (const id of ["mark-give", "mark-point"]) document.getElementById(id).disabled = !mayOrder;
-    const head = marks.length ? "" : "No mark is known: nobody has said where somebody truly stands since this page's program began.";
+    const head = marks.length ? "" : "No mark is known: no ground station that is heard has said one.";
     document.getElementById("mark-none").textContent = head;
     document.getElementById("mark-list").replaceChildren(...marks.map((mark) => this.row(mark, finds, mayOrder)));
     document.getElementById("mark-given").replaceChildren(...[...given].reverse().map(givenRow));
