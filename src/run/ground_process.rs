@@ -17,7 +17,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use tomoswarm_proto::{Boot, GroundReport, Hello, Message, OperatorId, Sender, VehicleId, codec};
+use tomoswarm_proto::{Boot, GroundReport, Hello, Message, Sender, VehicleId, codec};
 
 use self::archive::Archive;
 use self::newcomers::Newcomers;
