@@ -18,7 +18,10 @@ use std::time::Instant;
 
 use image_world::{SIDE_M, persons, sweep, worst_error_m};
 use tomoswarm::geom::{PixelGrid, Point, Rect};
-use tomoswarm::tomo::{Candidates, Extras, Imager, ImagingSettings, Link, LinkBins, Solver};
+use tomoswarm::tomo::{
+    Candidates, Devices, Extras, Imager, ImagingSettings, Link, LinkBins, Solver,
+};
+use tomoswarm_proto::VehicleId;
 
 #[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
@@ -139,11 +142,16 @@ fn vary() {
 fn bin_packets() {
     let links: Vec<Link> = sweep(0, 0, &[], 8).links();
     let mut bins = LinkBins::default();
+    let (transmitter, receiver) = (VehicleId(1), VehicleId(2));
+    let devices = Devices {
+        transmitter,
+        receiver,
+    };
     let ((), ms) = timed(|| {
         for round in 0..30 {
             links
                 .iter()
-                .for_each(|link| bins.record(link.from, link.to, Some(-60 - round)));
+                .for_each(|link| bins.record(devices, link.from, link.to, Some(-60 - round)));
         }
     });
     println!(

@@ -99,6 +99,7 @@ mod table;
 pub mod tap;
 mod tracks;
 mod trials;
+mod true_places;
 #[cfg(feature = "net")]
 pub mod vehicle;
 mod volume;

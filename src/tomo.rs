@@ -9,6 +9,7 @@ mod calibrate;
 mod cholesky;
 mod dense;
 mod deviation;
+mod device_offsets;
 mod finds;
 mod fresnel;
 mod image;
@@ -41,6 +42,7 @@ pub use bins::{BIN_M, LinkBins, SPOT_M};
 pub use calibrate::{
     Calibrated, DropReason, DroppedLinks, Observation, calibrate, runs_along_a_side,
 };
+pub use device_offsets::{DeviceOffsets, Devices};
 pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
 pub use imaged_links::{Coverage, DIRECTIONS, ImagedLink, coverage, deviation_of};

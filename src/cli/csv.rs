@@ -81,6 +81,14 @@ impl<'a> CsvHeader<'a> {
     }
 }
 
+/// Returns the lines that hold something and are no comments, with their numbers.
+pub(super) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
+    lines
+        .map(|(index, line)| (index + 1, line.trim()))
+        .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+}
+
 /// Returns the names in a header.
 pub(super) fn names(header: &str) -> impl Iterator<Item = &str> {
     header.split(',').map(str::trim)

@@ -14,6 +14,7 @@ use super::folder::OutputFolder;
 use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
 use super::samples_csv::sample_line;
+use super::true_places::{Named, circles};
 use crate::config::{self, Config, Venue};
 use crate::dash::geojson::{Features, MadeImage};
 use crate::dash::run_files::MARKS_HEADER;
@@ -22,10 +23,8 @@ use crate::geom::{Lattice, Point};
 use crate::ground::MeasuredSample;
 use crate::map::Merged;
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredMark, StoredRun};
-use crate::tomo::{Image, LinkBins, SAMPLES_HEADER, npy_bytes, utc_text};
+use crate::tomo::{Devices, Image, LinkBins, SAMPLES_HEADER, npy_bytes, utc_text};
 
-/// A mark is drawn as large as a person, metres.
-const MARK_RADIUS_M: f64 = 0.25;
 /// The names of the files that are not of one run.
 const FAMILY: &[&str] = &[
     "map.png",
@@ -257,7 +256,12 @@ fn write_run(
         if has_samples {
             sample_line(&mut text, &stored);
         }
+        let devices = Devices {
+            transmitter: sample.transmitter,
+            receiver: *vehicle,
+        };
         bins.record(
+            devices,
             sample.transmitter_pose.at.into(),
             sample.receiver_pose.at.into(),
             sample.rssi_dbm,
@@ -356,19 +360,8 @@ fn write_images(
 
 /// Returns a line for every mark: how far from it the nearest place is that a picture names.
 fn error_lines(made: &StoredImage, truth: &[StoredMark]) -> String {
-    let (word, named): (&str, Vec<Point>) = match &made.finds {
-        Some(finds) => ("find", finds.found.iter().map(|find| find.at).collect()),
-        None => ("peak", made.peaks.iter().map(|peak| peak.at).collect()),
-    };
-    let line = |mark: &StoredMark| {
-        let away_m = named.iter().map(|at| at.distance_to(mark.at));
-        let nearest = match away_m.min_by(f64::total_cmp) {
-            Some(away_m) => format!("the nearest {word} is {away_m:.2} m away"),
-            None => format!("no {word}"),
-        };
-        let Point { x_m, y_m } = mark.at;
-        format!("  {}: marked ({x_m}, {y_m}): {nearest}\n", made.kind)
-    };
+    let named = Named::of(made.finds.as_ref(), &made.peaks);
+    let line = |mark: &StoredMark| format!("  {}: {}\n", made.kind, named.words(mark.at, "m"));
     truth.iter().map(line).collect()
 }
 
@@ -380,11 +373,8 @@ fn heat<'a>(made: &'a StoredImage, truth: &[StoredMark]) -> HeatMap<'a> {
     };
     let Image { grid, values } = &made.image;
     let mut overlays = marks(made.finds.as_ref(), &made.peaks);
-    overlays.extend(truth.iter().map(|mark| Overlay::Circle {
-        at: mark.at,
-        radius_m: MARK_RADIUS_M,
-        label: None,
-    }));
+    let places: Vec<Point> = truth.iter().map(|mark| mark.at).collect();
+    overlays.extend(circles(&places, 1.0));
     HeatMap {
         title: format!("{seen} ({} links)", made.links),
         grid: *grid,

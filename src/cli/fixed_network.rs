@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use super::csv::numbered;
 use super::recording::{RecordingError, wrong};
 use crate::geom::Point;
 use crate::tomo::Link;
@@ -238,14 +239,6 @@ fn place(line: usize, text: &str) -> Result<(usize, Point), RecordingError> {
     let id = id.parse::<usize>().ok().filter(|id| *id < MOST_NODES);
     let id = id.ok_or_else(|| wrong(at(), fields[0], "a node from 0 to 999"))?;
     Ok((id, Point::new(number(x_m)?, number(y_m)?)))
-}
-
-/// Returns the lines that hold something, with their numbers.
-fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
-    lines
-        .map(|(index, line)| (index + 1, line.trim()))
-        .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
 #[cfg(test)]

@@ -9,23 +9,22 @@ use crate::config::SourceFile;
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
-use crate::tomo::{
-    Extras, FindSettings, Imager, ImagingSettings, Link, LinkBins, SPOT_M, Solver, TomoError,
-};
+use crate::tomo::{Extras, FindSettings, Imager, ImagingSettings, Link, Solver, TomoError};
 use clap::Args;
 
 use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
-use super::image_text::summary;
+use super::image_text::{offsets_in_words, summary};
 use super::image_values::{SolverName, WeightsName};
 use super::image_values::{parse_area, parse_cell, parse_pixels, parse_place, parse_rate};
 use super::network_recording::{NetworkRecording, Tracks};
-use super::outputs::{Made, Outputs, PendingFile, is_device};
+use super::outputs::{Made, Outputs, PendingFile, is_device, is_same_file};
 use super::progress;
 use super::read;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
 use super::stop::StopFlag;
+use super::true_places::{Named, read_places};
 use super::volume;
 
 /// Reconstructs an image from recorded links.
@@ -108,6 +107,11 @@ pub struct ImageCommand {
     /// Writes finds, peaks, residual, links used and dropped, and settings
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Where persons truly stood: the marks of the run (run-N-marks.csv of `tomoswarm export`), or a list with the header
+    /// x_m,y_m, in the units of the recording. Says how far the nearest find, or without an empty sweep peak, is from each, and
+    /// draws them in the picture
+    #[arg(long, value_name = "FILE", conflicts_with = "layers")]
+    pub marks: Option<PathBuf>,
     /// Most peaks that are listed [default: as the recording says, else 5]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub peaks: Option<usize>,
@@ -203,6 +207,10 @@ impl ImageCommand {
         let mut made_from = Vec::new();
         let venue = earth_files::venue(self.venue.as_deref(), &mut made_from)?;
         let network = self.network(&mut made_from)?;
+        let stood = match &self.marks {
+            Some(marks) => read_with(marks, &mut made_from, read_places)?,
+            None => Vec::new(),
+        };
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
             None => {
@@ -223,9 +231,9 @@ impl ImageCommand {
             settings.pairing_m = settings.pairing_m.min(network.bin_m());
         }
         let count = now.links.len();
-        let now = pooled(now, settings.pairing_m);
+        let (now, offsets) = now.pooled(settings.pairing_m);
         self.check_links(&now)?;
-        let empty = pooled(empty, settings.pairing_m);
+        let (empty, _) = empty.pooled(settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let extras = Extras {
             persons: true,
@@ -254,6 +262,11 @@ impl ImageCommand {
             result: &result,
             settings: &settings,
             unit,
+            unit_m: match unit {
+                LengthUnit::Metre => 1.0,
+                LengthUnit::Cell => self.cell.unwrap_or(CELL_M),
+            },
+            stood: &stood,
             made_from: &made_from,
             track: track.as_deref(),
             progress: progress.as_deref(),
@@ -261,6 +274,9 @@ impl ImageCommand {
         };
         Outputs::open(self)?.write(&made)?;
         let mut text = summary(&result, (count, now.len()), unit);
+        text.extend(offsets.map(|offsets| offsets_in_words(&offsets)));
+        let named = Named::of(result.finds.as_ref(), &result.peaks);
+        text.extend(stood.iter().map(|at| named.words(*at, unit.word()) + "\n"));
         text.extend(tracks.as_ref().map(Tracks::words));
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
         written.map_err(|source| CliError::Write {
@@ -400,6 +416,7 @@ impl ImageCommand {
                 .chain(&self.empty)
                 .chain(&self.nodes)
                 .chain(&self.venue)
+                .chain(&self.marks)
                 .chain(outputs[..index].iter().copied());
             if others.any(|other| is_same_file(output, other)) {
                 let reason =
@@ -507,19 +524,6 @@ pub(super) fn read_with<T>(
     Ok(parse(&text).map_err(wrong)?)
 }
 
-/// Returns whether two names lead to the same file; one that does not exist yet has only its own name.
-fn is_same_file(one: &Path, other: &Path) -> bool {
-    let real = |path: &Path| {
-        let folder = path
-            .parent()
-            .filter(|folder| *folder != Path::new(""))
-            .unwrap_or(Path::new("."));
-        let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
-        path.canonicalize().ok().or_else(beside)
-    };
-    real(one).is_some_and(|one| real(other) == Some(one))
-}
-
 /// Reads files that must all have one unit: the given one, else that of the first. The area is that of the first file
 /// that names one.
 fn read_files(
@@ -528,7 +532,7 @@ fn read_files(
     made_from: &mut Vec<SourceFile>,
 ) -> Result<Recording, CliError> {
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
-    let (mut pooled_in_m, mut channels) = (None, BTreeSet::new());
+    let (mut pooled_in_m, mut channels, mut devices) = (None, BTreeSet::new(), Vec::new());
     for path in paths {
         let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
         let expected = *unit.get_or_insert(recording.unit);
@@ -541,7 +545,9 @@ fn read_files(
             }
             .into());
         }
+        devices.resize(links.len(), None);
         links.extend(recording.links);
+        devices.extend(recording.devices);
         channels.extend(recording.channels);
         area = area.or(recording.area);
         imaging = imaging.or(recording.imaging);
@@ -556,6 +562,7 @@ fn read_files(
         channels,
         heights_m: Vec::new(),
         in_time: Vec::new(),
+        devices,
     })
 }
 
@@ -571,17 +578,4 @@ pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
             )
         })
         .unwrap_or(Rect::new(Point::default(), Point::default()))
-}
-
-/// Pools what lies in the same bins, unless it is pooled in such already.
-pub(super) fn pooled(recording: Recording, bin_m: f64) -> Vec<Link> {
-    let Recording {
-        links, pooled_in_m, ..
-    } = recording;
-    if pooled_in_m == Some(bin_m) || bin_m <= 0.0 {
-        return links;
-    }
-    let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
-    links.iter().for_each(|link| bins.record_link(link));
-    bins.links()
 }

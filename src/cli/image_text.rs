@@ -1,7 +1,9 @@
 //! What `tomoswarm image` prints: links, finds, peaks, and what made a pixel. It reads and writes nothing.
 
+use tomoswarm_proto::VehicleId;
+
 use super::recording::LengthUnit;
-use crate::tomo::{Find, Finds, PixelShares, Reconstruction, SIGNIFICANT};
+use crate::tomo::{DeviceOffsets, Find, Finds, PixelShares, Reconstruction, SIGNIFICANT};
 
 /// Links of a pixel that the summary names.
 const SHARES_SHOWN: usize = 5;
@@ -60,6 +62,18 @@ fn shares_in_words(shares: &PixelShares, unit: &str) -> String {
         );
     }
     text
+}
+
+/// Returns by how much radios differ, in a line.
+pub(super) fn offsets_in_words(offsets: &DeviceOffsets) -> String {
+    let of = |(id, sent_db, heard_db): (VehicleId, f64, f64)| {
+        format!("{id} sends {sent_db:+.1} and hears {heard_db:+.1}")
+    };
+    let all: Vec<String> = offsets.list().into_iter().map(of).collect();
+    format!(
+        "radios differ, which is taken out, dB: {}\n",
+        all.join("; ")
+    )
 }
 
 /// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used

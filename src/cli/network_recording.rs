@@ -89,6 +89,7 @@ impl NetworkRecording {
             channels: Default::default(),
             heights_m: Vec::new(),
             in_time: Vec::new(),
+            devices: Vec::new(),
         }
     }
 

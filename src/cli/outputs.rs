@@ -14,8 +14,10 @@ use super::image::{ImageCommand, ImageError};
 use super::link_pictures::LinkPictures;
 use super::pictures::{drawn, marks};
 use super::recording::LengthUnit;
+use super::true_places::{Named, circles};
 use crate::config::SourceFile;
 use crate::draw::{HeatMap, Picture, described};
+use crate::geom::Point;
 use crate::tomo::{
     Choice, Find, Finds, Image, ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction,
     Score, Solver, WeightModel, npy_bytes,
@@ -45,6 +47,10 @@ pub(super) struct Made<'a> {
     pub(super) settings: &'a ImagingSettings,
     /// The unit of lengths.
     pub(super) unit: LengthUnit,
+    /// How long that is, metres.
+    pub(super) unit_m: f64,
+    /// Where persons truly stood, as far as that is known.
+    pub(super) stood: &'a [Point],
     /// Of which files.
     pub(super) made_from: &'a [SourceFile],
     /// Where persons were, as CSV.
@@ -86,17 +92,24 @@ impl Outputs {
             result,
             settings,
             unit,
+            unit_m,
+            stood,
             made_from,
             ..
         } = *made;
         let about = about(made_from);
+        let per_length = format!("dB/{}", unit.word());
         let text = |text: Option<&str>| Ok(text.unwrap_or_default().as_bytes().to_vec());
         fill(&mut self.png, || {
-            Ok(described(picture(result, unit)?, &about))
+            let mut heat = heat_map(result, unit, &per_length);
+            heat.overlays.extend(circles(stood, unit_m));
+            Ok(described(drawn(Picture::heat(&heat))?, &about))
         })?;
         fill(&mut self.npy, || Ok(npy_bytes(&result.image)))?;
         fill(&mut self.json, || {
-            let report = report(result, settings, (unit, made_from));
+            let mut report = report(result, settings, (unit, made_from));
+            let named = Named::of(result.finds.as_ref(), &result.peaks);
+            report["marks"] = (!stood.is_empty()).then(|| named.json(stood)).into();
             Ok(format!("{report:#}\n").into_bytes())
         })?;
         fill(&mut self.track, || {
@@ -282,15 +295,6 @@ pub(super) fn heat_map<'a>(
     }
 }
 
-/// Returns the picture of an image.
-fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
-    drawn(Picture::heat(&heat_map(
-        result,
-        unit,
-        &format!("dB/{}", unit.word()),
-    )))
-}
-
 /// Returns the deviation of an image as an image.
 fn deviation_of(result: &Reconstruction) -> Result<Image, CliError> {
     let none = || CliError::Fault("the numbers of the links leave no deviation".to_owned());
@@ -424,6 +428,19 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
         "rim": settings.peaks.rim_m,
         "peak_separation": settings.peaks.separation_m,
     })
+}
+
+/// Returns whether two names lead to the same file; one that does not exist yet has only its own name.
+pub(super) fn is_same_file(one: &Path, other: &Path) -> bool {
+    let real = |path: &Path| {
+        let folder = path
+            .parent()
+            .filter(|folder| *folder != Path::new(""))
+            .unwrap_or(Path::new("."));
+        let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+        path.canonicalize().ok().or_else(beside)
+    };
+    real(one).is_some_and(|one| real(other) == Some(one))
 }
 
 /// Returns whether something is there that is neither a file nor a folder.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::error::CliError;
-use super::image::{ImageError, pooled};
+use super::image::ImageError;
 use super::outputs::heat_map;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, read_share};
@@ -89,7 +89,7 @@ fn image(
     path: &Path,
 ) -> Result<Option<(Reconstruction, LengthUnit)>, CliError> {
     let unit = recording.unit;
-    let links = pooled(recording, settings.pairing_m);
+    let (links, _) = recording.pooled(settings.pairing_m);
     let extras = Extras {
         persons: true,
         ..Extras::default()

@@ -3,6 +3,7 @@
 //! Pure: bytes in, links out. Every mistake names the line (or packet), what was found and what was expected.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::iter;
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -11,7 +12,9 @@ use super::csv::{self, CsvHeader};
 use super::samples_csv::{NEEDED, read_samples};
 use crate::config::LinksFile;
 use crate::geom::{Point, Rect};
-use crate::tomo::{self, LINKS_HEADER, Link, SAMPLES_HEADER};
+use crate::tomo::{
+    self, DeviceOffsets, Devices, LINKS_HEADER, Link, LinkBins, SAMPLES_HEADER, SPOT_M,
+};
 
 /// The header that a links file has at least.
 pub const CSV_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm";
@@ -99,6 +102,24 @@ pub struct Recording {
     pub heights_m: Vec<(f64, f64)>,
     /// The links in the order in which they were measured; empty when that is how they stand.
     pub in_time: Vec<usize>,
+    /// Who measured each link, as far as it is known; empty when it is known of none.
+    pub devices: Vec<Option<Devices>>,
+}
+
+impl Recording {
+    /// Pools what lies in the same bins without what radios differ by, unless it is pooled in such already; returns the links, and
+    /// by how much the radios differ.
+    pub(super) fn pooled(self, bin_m: f64) -> (Vec<Link>, Option<DeviceOffsets>) {
+        if self.pooled_in_m == Some(bin_m) || bin_m <= 0.0 {
+            return (self.links, None);
+        }
+        let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
+        let devices = self.devices.into_iter().chain(iter::repeat(None));
+        for (link, devices) in self.links.iter().zip(devices) {
+            bins.record_link(devices, link);
+        }
+        (bins.links(), bins.device_offsets())
+    }
 }
 
 /// Reads a recording.
@@ -145,8 +166,10 @@ pub(super) fn read_share(text: &str, share: f64) -> Result<Option<Recording>, Re
     match in_time.is_empty() {
         true => recording.links.truncate(count),
         false => {
-            let first = in_time.iter().take(count);
-            recording.links = first.map(|index| recording.links[*index]).collect();
+            let first = &in_time[..count.min(in_time.len())];
+            recording.links = first.iter().map(|index| recording.links[*index]).collect();
+            let devices = |index: &usize| recording.devices.get(*index).copied().flatten();
+            recording.devices = first.iter().map(devices).collect();
         }
     }
     Ok(is_of_packets.then_some(recording))
@@ -201,11 +224,7 @@ fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
 }
 
 fn read_csv(text: &str) -> Result<Recording, RecordingError> {
-    let mut lines = text
-        .lines()
-        .enumerate()
-        .map(|(index, line)| (index + 1, line.trim_end()))
-        .filter(|(_, line)| !line.starts_with(COMMENT) && !line.trim().is_empty());
+    let mut lines = csv::numbered(text);
     let imaging = read_comments(text)?;
     let Some((number, line)) = lines.next() else {
         return Err(wrong("1: ".into(), "an empty file", CSV_HEADER));
@@ -214,12 +233,12 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let is_of_links = |name: &str| csv::names(&of_links).any(|known| known == name);
     let mut of_samples = csv::names(SAMPLES_HEADER).filter(|name| !is_of_links(name));
     let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
-    let (mut heights_m, mut in_time) = (Vec::new(), Vec::new());
+    let (mut heights_m, mut in_time, mut devices) = (Vec::new(), Vec::new(), Vec::new());
     let (links, channels, pooled_in_m) = if are_samples {
         let expected = format!("a header of samples, with {NEEDED} at least");
         let header = CsvHeader::read(number, line, SAMPLES_HEADER, expected)?;
         let samples = read_samples(&header, lines)?;
-        in_time = samples.in_time;
+        (in_time, devices) = (samples.in_time, samples.devices);
         (samples.links, samples.channels, None)
     } else {
         let expected = format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
@@ -237,6 +256,7 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         channels,
         heights_m,
         in_time,
+        devices,
     })
 }
 
@@ -345,6 +365,7 @@ fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
         channels: BTreeSet::new(),
         heights_m: Vec::new(),
         in_time: Vec::new(),
+        devices: Vec::new(),
     })
 }
 

@@ -4,13 +4,13 @@
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::RunId;
+use tomoswarm_proto::{RunId, VehicleId};
 
 use super::csv::CsvHeader;
 use super::recording::{RecordingError, STRENGTH_DBM, comments, wrong};
 use crate::config::LinksFile;
 use crate::ground::MeasuredSample;
-use crate::tomo::{Link, SAMPLES_HEADER, SampleLine};
+use crate::tomo::{Devices, Link, SAMPLES_HEADER, SampleLine};
 
 /// The columns that one must have to be read.
 pub(super) const NEEDED: &str = "run,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm";
@@ -57,6 +57,8 @@ pub(super) struct SampleLinks {
     pub(super) channels: BTreeSet<u8>,
     /// The links in the order in which they were measured: by UTC where all lines have it, else by the clocks of their vehicles.
     pub(super) in_time: Vec<usize>,
+    /// Who measured each of them, as far as the file says so.
+    pub(super) devices: Vec<Option<Devices>>,
 }
 
 /// Reads lines of samples below their header as links of one packet, or of one miss, and on which channels that was. A sample
@@ -82,9 +84,10 @@ pub(super) fn read_samples<'a>(
         _ => None,
     };
     let channel = header.column("channel");
+    let (transmitter, receiver) = (header.column("transmitter"), header.column("vehicle"));
     let (mut links, mut read, mut of_file) = (Vec::new(), BTreeSet::new(), None);
     let [utc, heard_at] = ["utc", "heard_at_s"].map(|name| header.column(name));
-    let (mut channels, mut times) = (BTreeSet::new(), Vec::new());
+    let (mut channels, mut times, mut devices) = (BTreeSet::new(), Vec::new(), Vec::new());
     for (number, line) in lines {
         let fields = header.fields(number, line)?;
         let of_line = RunId(fields.whole(run, 0, "a run")?);
@@ -121,6 +124,21 @@ pub(super) fn read_samples<'a>(
         };
         if !is_repeated {
             links.push(link);
+            let vehicle = |column: usize| match fields.is_empty(column) {
+                true => Ok(None),
+                false => fields
+                    .whole(column, 1, "a vehicle")
+                    .map(|id| Some(VehicleId(id))),
+            };
+            let known = |column: Option<usize>| column.map_or(Ok(None), vehicle);
+            let ends = (known(transmitter)?, known(receiver)?);
+            devices.push(match ends {
+                (Some(transmitter), Some(receiver)) => Some(Devices {
+                    transmitter,
+                    receiver,
+                }),
+                _ => None,
+            });
             let heard_at_s = match heard_at.filter(|heard_at| !fields.is_empty(*heard_at)) {
                 Some(heard_at) => fields.ranged(heard_at, SECONDS, "seconds")?,
                 None => 0.0,
@@ -148,6 +166,7 @@ pub(super) fn read_samples<'a>(
         links,
         channels,
         in_time,
+        devices,
     })
 }
 

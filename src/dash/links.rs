@@ -10,7 +10,7 @@ use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
 
 use super::sample_book::SampleBook;
 use crate::geom::Point;
-use crate::tomo::{Link, LinkBins};
+use crate::tomo::{Devices, Link, LinkBins};
 
 /// Sources at most: starts of vehicles in runs.
 const SOURCES_MAX: usize = 1024;
@@ -66,7 +66,11 @@ impl LinkBook {
             if bins.len() < LINKS_MAX && received.take(sample.sequence) {
                 let from = Point::from(sample.transmitter_pose.at);
                 let to = Point::from(sample.receiver_pose.at);
-                bins.record(from, to, sample.rssi_dbm);
+                let devices = Devices {
+                    transmitter: sample.transmitter,
+                    receiver: batch.vehicle,
+                };
+                bins.record(devices, from, to, sample.rssi_dbm);
                 let who = (batch.vehicle, batch.boot);
                 self.samples.take(batch.run, who, sample);
             }

@@ -12,7 +12,7 @@ use tomoswarm_proto::{
 };
 
 use crate::geom::Point;
-use crate::tomo::{Link, LinkBins};
+use crate::tomo::{Devices, Link, LinkBins};
 
 /// Sequences above a gap that are kept of one source.
 const BEYOND_MAX: usize = 65_536;
@@ -142,7 +142,7 @@ impl SampleStore {
                 continue;
             }
             if bins.len() < BINS_MAX && received.take(sample.sequence) {
-                record(bins, sample);
+                record(bins, batch.vehicle, sample);
                 new += 1;
             } else {
                 self.refused = self.refused.saturating_add(1);
@@ -209,10 +209,14 @@ impl SampleStore {
     }
 }
 
-fn record(bins: &mut LinkBins, sample: &Sample) {
+fn record(bins: &mut LinkBins, receiver: VehicleId, sample: &Sample) {
+    let devices = Devices {
+        transmitter: sample.transmitter,
+        receiver,
+    };
     let transmitter = Point::from(sample.transmitter_pose.at);
     let receiver = Point::from(sample.receiver_pose.at);
-    bins.record(transmitter, receiver, sample.rssi_dbm);
+    bins.record(devices, transmitter, receiver, sample.rssi_dbm);
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde::Serialize;
 use tomoswarm_proto::{
     BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, GroundReport, Health, Hello, Lease,
-    PoseReport, StationPhase, VehicleId, VehicleMode,
+    OrderKind, PoseReport, StationPhase, VehicleId, VehicleMode,
 };
 
 pub use self::disk::disk_room;
@@ -104,6 +104,21 @@ pub fn is_go(nodes: &[NodeChecks]) -> bool {
             .iter()
             .flat_map(|node| &node.checks)
             .all(|check| check.light != CheckStatus::NoGo)
+}
+
+/// Judges the order that stands. Who was told to come home or down has done so when it is at its home, which is checked for itself:
+/// the start that is to follow lifts it.
+fn standing(report: &GroundReport) -> (bool, String) {
+    let Some(kind) = report.in_force else {
+        return (true, "nothing".to_owned());
+    };
+    let name = names::kind_name(kind);
+    match kind {
+        OrderKind::Hold | OrderKind::CutMotors => (false, name.to_owned()),
+        OrderKind::Start | OrderKind::Return | OrderKind::Land => {
+            (true, format!("{name}, until a start"))
+        }
+    }
 }
 
 fn check(what: &'static str, is_right: bool, found: String) -> Check {
@@ -378,15 +393,7 @@ fn of_ground(view: &FleetView, needs: &Requirements, now: Time) -> Vec<Check> {
         let is_free = matches!(report.phase, StationPhase::Idle | StationPhase::Waiting);
         (is_free, names::phase(report.phase).to_owned())
     }));
-    checks.push(reported("standing", report, no_go, |report| {
-        (
-            report.in_force.is_none(),
-            report
-                .in_force
-                .map_or("nothing", names::kind_name)
-                .to_owned(),
-        )
-    }));
+    checks.push(reported("standing", report, no_go, standing));
     checks.push(reported("vehicles", report, no_go, |report| {
         let unknown: Vec<VehicleId> = needs
             .vehicles

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::geom::Point;
 
 use super::Link;
+use super::device_offsets::{DeviceOffsets, Devices};
 
 /// The default side of a bin, metres.
 pub const BIN_M: f64 = 0.5;
@@ -83,15 +84,47 @@ impl PlaceSum {
     }
 }
 
+/// What a pair of radios has heard in a bin.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Heard {
+    /// `None` = it is not known who.
+    pub devices: Option<Devices>,
+    pub packets: u32,
+    /// Sum of the strengths, dBm.
+    pub sum_dbm: f64,
+    /// Sum of their squares.
+    pub square_sum: f64,
+}
+
+impl Heard {
+    fn nothing(devices: Option<Devices>) -> Heard {
+        Heard {
+            devices,
+            packets: 0,
+            sum_dbm: 0.0,
+            square_sum: 0.0,
+        }
+    }
+
+    /// Returns the same as if every packet had been so much weaker, dB.
+    fn weaker(&self, by_db: f64) -> Heard {
+        let packets = f64::from(self.packets);
+        Heard {
+            sum_dbm: self.sum_dbm - packets * by_db,
+            square_sum: self.square_sum - 2.0 * by_db * self.sum_dbm + packets * by_db * by_db,
+            ..*self
+        }
+    }
+}
+
 /// Running sums of one bin pair.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Bin {
     records: u32,
-    packets: u32,
     from_sum: PlaceSum,
     to_sum: PlaceSum,
-    rssi_sum_dbm: f64,
-    rssi_square_sum: f64,
+    /// By who sent and who heard.
+    heard: Vec<Heard>,
     spots: Vec<u16>,
     /// Spots of pooled links beyond the one that their mean place stands for.
     further_spots: u32,
@@ -122,9 +155,9 @@ impl LinkBins {
         }
     }
 
-    /// Counts one packet from `tx` to `rx`: its strength in dBm, or `None` when it was expected and not heard.
+    /// Counts one packet of two radios from `tx` to `rx`: its strength in dBm, or `None` when it was expected and not heard.
     /// Places that are not finite are passed over.
-    pub fn record(&mut self, tx: Point, rx: Point, rssi_dbm: Option<i16>) {
+    pub fn record(&mut self, devices: Devices, tx: Point, rx: Point, rssi_dbm: Option<i16>) {
         if !tx.is_finite() || !rx.is_finite() {
             return;
         }
@@ -134,11 +167,12 @@ impl LinkBins {
         self.bins
             .entry(key)
             .or_default()
-            .add(from, to, rssi_dbm, spot);
+            .add(devices, (from, to), rssi_dbm, spot);
     }
 
-    /// Counts the pooled packets of a link, as if each had been recorded at the link's mean places.
-    pub fn record_link(&mut self, link: &Link) {
+    /// Counts the pooled packets of a link, as if each had been recorded at the link's mean places; `devices` measured all of
+    /// them, `None` = it is not known who.
+    pub fn record_link(&mut self, devices: Option<Devices>, link: &Link) {
         if !link.from.is_finite() || !link.to.is_finite() {
             return;
         }
@@ -152,7 +186,7 @@ impl LinkBins {
         self.bins
             .entry(key)
             .or_default()
-            .add_link(from, to, link, spot);
+            .add_link(devices, (from, to), link, spot);
     }
 
     /// Returns the number of bin pairs.
@@ -160,29 +194,64 @@ impl LinkBins {
         self.bins.len()
     }
 
-    /// Returns the links in the order of their bins (rows, then columns, of the first and then of the second end).
+    /// Returns the links in the order of their bins (rows, then columns, of the first and then of the second end), without what
+    /// radios differ by.
     pub fn links(&self) -> Vec<Link> {
-        self.bins.values().map(Bin::link).collect()
+        let offsets = self.device_offsets().unwrap_or_default();
+        self.bins.values().map(|bin| bin.link(&offsets)).collect()
+    }
+
+    /// Returns by how much the radios differ; `None` when they are alike as far as bins that several pairs have measured say.
+    pub fn device_offsets(&self) -> Option<DeviceOffsets> {
+        DeviceOffsets::fit(self.bins.values().map(|bin| bin.heard.as_slice()))
     }
 }
 
 impl Bin {
-    fn add(&mut self, from: Point, to: Point, rssi_dbm: Option<i16>, spot: u16) {
+    /// Returns the sums of a pair of radios.
+    fn heard(&mut self, devices: Option<Devices>) -> &mut Heard {
+        let index = match self
+            .heard
+            .binary_search_by_key(&devices, |heard| heard.devices)
+        {
+            Ok(index) => index,
+            Err(index) => {
+                self.heard.insert(index, Heard::nothing(devices));
+                index
+            }
+        };
+        &mut self.heard[index]
+    }
+
+    fn add(
+        &mut self,
+        devices: Devices,
+        (from, to): (Point, Point),
+        rssi_dbm: Option<i16>,
+        spot: u16,
+    ) {
         self.records = self.records.saturating_add(1);
         self.from_sum.add(from, 1);
         self.to_sum.add(to, 1);
         let Some(rssi_dbm) = rssi_dbm.map(f64::from) else {
             return;
         };
-        self.packets = self.packets.saturating_add(1);
-        self.rssi_sum_dbm += rssi_dbm;
-        self.rssi_square_sum += rssi_dbm * rssi_dbm;
+        let heard = self.heard(Some(devices));
+        heard.packets = heard.packets.saturating_add(1);
+        heard.sum_dbm += rssi_dbm;
+        heard.square_sum += rssi_dbm * rssi_dbm;
         if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
             self.spots.push(spot);
         }
     }
 
-    fn add_link(&mut self, from: Point, to: Point, link: &Link, spot: u16) {
+    fn add_link(
+        &mut self,
+        devices: Option<Devices>,
+        (from, to): (Point, Point),
+        link: &Link,
+        spot: u16,
+    ) {
         let (records, packets) = (
             link.packets.saturating_add(link.misses),
             f64::from(link.packets),
@@ -193,9 +262,10 @@ impl Bin {
         if link.packets == 0 {
             return;
         }
-        self.packets = self.packets.saturating_add(link.packets);
-        self.rssi_sum_dbm += packets * link.mean_dbm;
-        self.rssi_square_sum +=
+        let heard = self.heard(devices);
+        heard.packets = heard.packets.saturating_add(link.packets);
+        heard.sum_dbm += packets * link.mean_dbm;
+        heard.square_sum +=
             packets * (link.mean_dbm * link.mean_dbm + link.spread_db * link.spread_db);
         if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
             self.spots.push(spot);
@@ -205,11 +275,18 @@ impl Bin {
         }
     }
 
-    fn link(&self) -> Link {
-        let packets = f64::from(self.packets);
-        let mean_dbm = self.rssi_sum_dbm / packets;
-        let variance = (self.rssi_square_sum / packets - mean_dbm * mean_dbm).max(0.0);
-        let unbiased = if self.packets > 1 {
+    fn link(&self, offsets: &DeviceOffsets) -> Link {
+        let (mut count, mut sum_dbm, mut square_sum) = (0_u32, 0.0, 0.0);
+        for heard in &self.heard {
+            let heard = heard.weaker(offsets.of(heard.devices));
+            count = count.saturating_add(heard.packets);
+            sum_dbm += heard.sum_dbm;
+            square_sum += heard.square_sum;
+        }
+        let packets = f64::from(count);
+        let mean_dbm = sum_dbm / packets;
+        let variance = (square_sum / packets - mean_dbm * mean_dbm).max(0.0);
+        let unbiased = if count > 1 {
             variance * packets / (packets - 1.0)
         } else {
             0.0
@@ -217,11 +294,11 @@ impl Bin {
         Link {
             from: self.from_sum.mean(self.records),
             to: self.to_sum.mean(self.records),
-            packets: self.packets,
+            packets: count,
             spots: (self.spots.len() as u32)
                 .saturating_add(self.further_spots)
                 .clamp(1, MOST_SPOTS as u32),
-            misses: self.records - self.packets,
+            misses: self.records.saturating_sub(count),
             mean_dbm,
             spread_db: unbiased.sqrt(),
         }
@@ -239,16 +316,23 @@ fn spot_code(from: Point, to: Point, bin_m: f64, spot_m: f64) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::VehicleId;
+
     use super::*;
+
+    const DEVICES: Devices = Devices {
+        transmitter: VehicleId(1),
+        receiver: VehicleId(2),
+    };
 
     #[test]
     fn both_directions_fall_into_one_bin() {
         let mut bins = LinkBins::default();
         let (a, b) = (Point::new(0.1, 0.2), Point::new(10.1, 5.2));
-        bins.record(a, b, Some(-50));
-        bins.record(b, a, Some(-54));
-        bins.record(Point::new(0.3, 0.2), b, Some(-52));
-        bins.record(a, b, None);
+        bins.record(DEVICES, a, b, Some(-50));
+        bins.record(DEVICES, b, a, Some(-54));
+        bins.record(DEVICES, Point::new(0.3, 0.2), b, Some(-52));
+        bins.record(DEVICES, a, b, None);
         let links = bins.links();
         assert_eq!(links.len(), 1);
         let link = links[0];
@@ -265,9 +349,9 @@ mod tests {
     fn places_half_a_metre_apart_are_told_apart() {
         let mut bins = LinkBins::default();
         let far = Point::new(10.0, 0.0);
-        bins.record(Point::new(-0.1, 0.0), far, Some(-50));
-        bins.record(Point::new(0.1, 0.0), far, Some(-50));
-        bins.record(Point::new(f64::NAN, 0.0), far, Some(-50));
+        bins.record(DEVICES, Point::new(-0.1, 0.0), far, Some(-50));
+        bins.record(DEVICES, Point::new(0.1, 0.0), far, Some(-50));
+        bins.record(DEVICES, Point::new(f64::NAN, 0.0), far, Some(-50));
         assert_eq!(bins.len(), 2);
     }
 
@@ -276,6 +360,7 @@ mod tests {
         let mut bins = LinkBins::default();
         for step in 0..50 {
             bins.record(
+                DEVICES,
                 Point::new(0.005 + 0.01 * f64::from(step), 0.0),
                 Point::new(9.0, 9.0),
                 Some(-60),
@@ -289,9 +374,9 @@ mod tests {
         let place = |k: i32| Point::new(f64::from(k * 7 % 20), f64::from(k * 3 % 20));
         let (mut one, mut two) = (LinkBins::default(), LinkBins::default());
         for k in 0..40 {
-            one.record(place(k), place(k + 5), Some(-50 - k as i16));
+            one.record(DEVICES, place(k), place(k + 5), Some(-50 - k as i16));
             let k = 39 - k;
-            two.record(place(k + 5), place(k), Some(-50 - k as i16));
+            two.record(DEVICES, place(k + 5), place(k), Some(-50 - k as i16));
         }
         assert_eq!(one.links(), two.links());
     }

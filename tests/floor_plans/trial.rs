@@ -172,7 +172,8 @@ fn known_share(plan: &FloorPlan, outcome: &RunOutcome, room: &Rect) -> f64 {
     known as f64 / floor.len().max(1) as f64
 }
 
-/// Returns the table of some results: a line for every mission, distance and width of the doors.
+/// Returns the table of some results: a line for every mission, distance and width of the doors. *In 95 %* = in how many plans at
+/// least that share was seen.
 pub fn table(results: &[TrialResult]) -> String {
     let mut groups: BTreeMap<(TrialMission, u64, u64), Vec<&TrialResult>> = BTreeMap::new();
     for result in results {
@@ -189,9 +190,10 @@ pub fn table(results: &[TrialResult]) -> String {
         );
         groups.entry(key).or_default().push(result);
     }
-    let mut text = "mission    dist/m  extra/m  plans  rooms  entered/%  seen/% worst median  \
+    let mut text =
+        "mission    dist/m  extra/m  plans  rooms  entered/%  seen/% worst median  in 95 %  \
         places  visited/%  false no way  no way  collided  not ended  simulated/s  took/s\n"
-        .to_owned();
+            .to_owned();
     for ((mission, distance_mm, extra_mm), group) in &groups {
         let sum = |of: fn(&TrialResult) -> usize| group.iter().map(|one| of(one)).sum::<usize>();
         let percent = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
@@ -203,7 +205,7 @@ pub fn table(results: &[TrialResult]) -> String {
         let (rooms, places) = (sum(|one| one.rooms), sum(|one| one.places.reachable));
         let _ = writeln!(
             text,
-            "{:<8}  {:>6.2}  {:>7.1}  {:>5}  {rooms:>5}  {:>9.1}  {:>12.1} {:>6.1}  {places:>6}  {:>9.1}  {:>12}  {:>6}  \
+            "{:<8}  {:>6.2}  {:>7.1}  {:>5}  {rooms:>5}  {:>9.1}  {:>12.1} {:>6.1}  {:>7}  {places:>6}  {:>9.1}  {:>12}  {:>6}  \
              {:>8}  {:>9}  {:>11.0}  {:>6.2}",
             mission.word(),
             *distance_mm as f64 / 1000.0,
@@ -212,6 +214,7 @@ pub fn table(results: &[TrialResult]) -> String {
             percent(sum(|one| one.entered), rooms),
             shares[0],
             shares[shares.len() / 2],
+            shares.iter().filter(|share| **share >= 95.0).count(),
             percent(sum(|one| one.places.visited), places),
             sum(|one| one.places.false_no_way),
             sum(|one| one.no_way),

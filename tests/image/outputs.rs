@@ -104,6 +104,41 @@ fn a_venue_says_where_on_the_earth_the_image_lies() {
 }
 
 #[test]
+fn where_a_person_truly_stood_is_compared_with_what_the_image_names() {
+    let marks = "run,x_m,y_m,z_m,marked\n2,6.1,4,0,\n";
+    let folder = folder_with(&[("now.csv", &sweep(Some((6.0, 4.0)))), ("marks.csv", marks)]);
+    let asked = ["now.csv", "--solver", "map"];
+    let made = |more: &[&str]| {
+        let output = tomoswarm(folder.path(), &[&asked[..], more].concat());
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let text = made(&[
+        "--marks",
+        "marks.csv",
+        "--json",
+        "o.json",
+        "--png",
+        "with.png",
+    ]);
+    let line = "marked (6.1, 4): the nearest peak is 0.";
+    assert!(text.contains(line), "{text}");
+    let text = fs::read_to_string(folder.path().join("o.json")).unwrap();
+    let report: Value = serde_json::from_str(&text).unwrap();
+    let marks = &report["marks"];
+    let away = marks["places"][0]["nearest"].as_f64().unwrap();
+    assert!(marks["of"] == "peak" && away < 0.5, "{marks}");
+    assert!(text.contains("marks.csv"), "it says what it is made from");
+    let text = made(&["--json", "o.json", "--png", "without.png"]);
+    assert!(!text.contains("marked"), "{text}");
+    let picture = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert_ne!(picture("with.png"), picture("without.png"));
+    let files = [("now.csv", &*sweep(None)), ("m.csv", "x_m,y_m\n1,x\n")];
+    let words = ["m.csv:2: found \"x\", expected a coordinate"];
+    check_refused(&files, &["now.csv", "--marks", "m.csv"], &words);
+}
+
+#[test]
 fn an_empty_sweep_of_another_place_or_channel_is_refused() {
     let now = samples(Some((6.0, 4.0)), 11);
     let far = samples_at(500.0, None, 11);

@@ -378,9 +378,16 @@ fn each_check_of_the_ground_can_refuse() {
         |swarm| swarm.reports[0].phase = StationPhase::Running,
         &["ground: phase"],
     );
+    for kind in [OrderKind::Hold, OrderKind::CutMotors] {
+        wrong(
+            |swarm| swarm.reports[0].in_force = Some(kind),
+            &["ground: standing"],
+        );
+    }
+    // Who is at home has come home.
     wrong(
-        |swarm| swarm.reports[0].in_force = Some(OrderKind::Hold),
-        &["ground: standing"],
+        |swarm| swarm.reports[0].in_force = Some(OrderKind::Return),
+        &[],
     );
     wrong(
         |swarm| swarm.reports[0].members = vec![VehicleId(1)],

@@ -3,8 +3,14 @@
 //! five rays across the Fresnel zone, saturating at 30 dB; fades are Rician and differ from sweep to sweep.
 
 use tomoswarm::geom::{Point, Segment};
-use tomoswarm::tomo::LinkBins;
+use tomoswarm::tomo::{Devices, LinkBins};
+use tomoswarm_proto::VehicleId;
 
+/// The two rovers' radios.
+const DEVICES: Devices = Devices {
+    transmitter: VehicleId(1),
+    receiver: VehicleId(2),
+};
 /// Side of the square, metres.
 pub const SIDE_M: f64 = 20.0;
 const GAPS: [f64; 8] = [38.0, 36.0, 33.0, 30.0, 26.0, 22.0, 35.0, 28.0];
@@ -112,6 +118,7 @@ fn drive_lap(bins: &mut LinkBins, [seed, sweep, lap]: [u64; 3], gap: f64, person
         let heard = (strength_dbm > -95.0).then(|| strength_dbm.round() as i16);
         let block = packet / 150;
         bins.record(
+            DEVICES,
             reported(a, [seed, sweep, lap, block, 0]),
             reported(b, [seed, sweep, lap, block, 1]),
             heard,

@@ -179,6 +179,23 @@ fn the_files_of_a_channel_may_be_another_program_s_for_a_moment() {
 }
 
 #[test]
+fn files_that_stay_another_program_s_are_a_trouble_that_says_who_may_write_and_ends_with_it() {
+    // More often than they are tried at one opening.
+    let pwm = PwmFolder::new(&[("period", io::ErrorKind::PermissionDenied); 150]);
+    pwm.until("a trouble", |pwm| {
+        pwm.servo.trouble().is_some_and(|trouble| {
+            trouble.contains("pwm1/period: ")
+                && trouble.ends_with("who is in its group may write it (mostly gpio)")
+        })
+    });
+    pwm.until_written("enable 1");
+    assert_eq!(pwm.recorder.written(), FIRST);
+    pwm.until("the end of the trouble", |pwm| {
+        pwm.servo.trouble().is_none()
+    });
+}
+
+#[test]
 fn what_somebody_has_left_in_a_channel_is_undone() {
     let pwm = PwmFolder::new(&[("period", io::ErrorKind::InvalidInput)]);
     pwm.until_written("enable 1");
