@@ -337,7 +337,7 @@ fn another_run_is_shown_beside_a_recording_at_the_same_time_of_the_run() {
     browser.until("!document.getElementById('ghost-choice').hidden", 5);
     browser.until("tomoswarm.scene.ghost.ways?.length === 2", 10);
     browser.until(
-        "tomoswarm.model.moment.to_s > 100 && tomoswarm.model.states.size === 2",
+        "Number(document.getElementById('time-at').max) > 100 && tomoswarm.model.states.size === 2",
         20,
     );
     for at_s in [30.0, 60.0, 45.0] {
