@@ -160,7 +160,7 @@ pub(super) const SURE_RANGE: &str = "range.sure_range_m";
 /// How many range sensors a vehicle may have.
 const SENSORS: usize = 8;
 /// Up to here no echo means that nothing is there, unless a file says otherwise, metres.
-const SURE_RANGE_M: f64 = 3.0;
+pub(super) const SURE_RANGE_M: f64 = 3.0;
 /// Angle between beam and the surface's normal beyond which no echo returns, unless a file says otherwise, degrees.
 pub(super) const INCIDENCE_LIMIT_DEG: f64 = 60.0;
 

@@ -12,10 +12,17 @@
 //! for good. A longer bound would free what is met just below γ.
 //!
 //! A wall's line counts, not where the wall ends: one that points at the vehicle is heard by what it ends in.
+//!
+//! Beams to both sides hear such a wall only where they look: in a round of all beams the vehicle drives on, and between two
+//! looks to one side the wall stays free. With g = speed × round − 2 p tan(half the cone) this gap lets the vehicle through
+//! when g > 2 `radius_m`. Silence beyond the usual 3 m, which frees long walls from afar, is believed of quicker rounds only.
 
-use super::range::{INCIDENCE_LIMIT_DEG, Lobe, RangeSensor, SURE_RANGE, SensorCoverage};
+use super::range::{
+    INCIDENCE_LIMIT_DEG, Lobe, RangeSensor, SURE_RANGE, SURE_RANGE_M, SensorCoverage,
+};
 use super::sim::floored;
 use super::source::Source;
+use super::vehicle::BodySpec;
 use crate::geom::without_dust;
 
 /// Farther aside than abeam nothing is heard before it is touched, degrees.
@@ -33,7 +40,7 @@ struct Hearing {
 
 impl RangeSensor {
     /// As [`SensorCoverage::bound_silence`], of a sensor of which all is known.
-    pub(super) fn bound_silence(&mut self, source: &Source<'_>, reach_m: f64) {
+    pub(super) fn bound_silence(&mut self, source: &Source<'_>, body: &BodySpec, padding_m: f64) {
         let hearing = Hearing {
             incidence_limit_deg: self.incidence_limit_deg,
             half_angle_deg: match self.lobe {
@@ -41,28 +48,35 @@ impl RangeSensor {
                 Lobe::Fan | Lobe::Cone => self.look.half_angle_deg,
             },
         };
-        self.look.bound(source, reach_m, &hearing);
+        self.look.bound(source, (body, padding_m), &hearing);
     }
 }
 
 impl SensorCoverage {
     /// Refuses a sure range, or shortens the one that was left out, up to which beams that see nothing beside the vehicle
-    /// would take a wall for free; `reach_m` is the vehicle's radius with its padding.
-    pub(super) fn bound_silence(&mut self, source: &Source<'_>, reach_m: f64) {
+    /// would take a wall for free; refuses one of beams that look there too seldom.
+    pub(super) fn bound_silence(&mut self, source: &Source<'_>, body: &BodySpec, padding_m: f64) {
         let hearing = Hearing {
             incidence_limit_deg: INCIDENCE_LIMIT_DEG,
             half_angle_deg: self.half_angle_deg,
         };
-        self.bound(source, reach_m, &hearing);
+        self.bound(source, (body, padding_m), &hearing);
     }
 
-    fn bound(&mut self, source: &Source<'_>, reach_m: f64, hearing: &Hearing) {
+    fn bound(
+        &mut self,
+        source: &Source<'_>,
+        (body, padding_m): (&BodySpec, f64),
+        hearing: &Hearing,
+    ) {
+        let reach_m = body.radius_m + padding_m;
         let aside_deg = [1.0, -1.0]
             .map(|side| self.aside_deg(side, hearing.half_angle_deg))
             .into_iter()
             .fold(ABEAM_DEG, f64::min);
         let answers_deg = ABEAM_DEG - hearing.incidence_limit_deg;
         if aside_deg >= answers_deg {
+            self.bound_gaps(source, body, reach_m);
             return;
         }
         let sine = libm::sin(answers_deg.to_radians());
@@ -79,6 +93,25 @@ impl SensorCoverage {
             let allowed = format!("at most {most_m} m is allowed, or beams to both sides");
             source.refuse(SURE_RANGE, &wrong, &allowed);
         }
+    }
+
+    /// Refuses a sure range beyond the usual one of a sensor that looks to each side so seldom that the vehicle fits between.
+    fn bound_gaps(&self, source: &Source<'_>, body: &BodySpec, reach_m: f64) {
+        let round_s = self.cycle().as_secs_f64();
+        let seen_m = 2.0 * reach_m * libm::tan(self.half_angle_deg.to_radians());
+        let gap_m = body.max_speed_mps * round_s - seen_m;
+        if self.sure_range_m <= SURE_RANGE_M || gap_m <= 2.0 * body.radius_m {
+            return;
+        }
+        let wrong = format!(
+            "is too far for beams whose round takes {round_s:.2} s: between two looks to one side the vehicle drives past {gap_m:.2} m \
+             of a wall, and passes through {:.2} m",
+            2.0 * body.radius_m
+        );
+        let allowed = format!(
+            "at most {SURE_RANGE_M} m is allowed, or fewer beams, a shorter scan_period_s or a lower speed"
+        );
+        source.refuse(SURE_RANGE, &wrong, &allowed);
     }
 
     /// Returns the angle up to which the beams look to one side (1: left, -1: right), at most abeam, degrees.

@@ -234,9 +234,10 @@ impl Sim {
     /// Checks the keys of each table together, and fills in what depends on others.
     fn check_tables(&mut self, root: &Section<'_>) {
         let source = root.source;
-        if source.is_sound(&["vehicles.radius_m", "safety.padding_m", "range"]) {
-            let reach_m = self.vehicles.body.radius_m + self.safety.padding_m;
-            self.range.bound_silence(source, reach_m);
+        if source.is_sound(&["vehicles", "safety.padding_m", "range"]) {
+            let body = &self.vehicles.body;
+            self.range
+                .bound_silence(source, body, self.safety.padding_m);
         }
         self.range.look.check(source);
         self.safety.check(source);

@@ -222,10 +222,10 @@ impl VehicleFile {
         file.drivers.servo.complete(root.source, &mut file.look);
         let is_sound = root
             .source
-            .is_sound(&["vehicle.radius_m", "safety.padding_m", "range"]);
+            .is_sound(&["vehicle", "safety.padding_m", "range"]);
         if file.drivers.range != RangeDriver::None && is_sound {
-            let reach_m = file.body.radius_m + file.safety.padding_m;
-            file.look.bound_silence(root.source, reach_m);
+            let padding_m = file.safety.padding_m;
+            file.look.bound_silence(root.source, &file.body, padding_m);
         }
         file.look.check(root.source);
         file.drivers.check(root.source, &file.look);

@@ -11,9 +11,6 @@
 //!
 //! An echo counts once, and only until the sensor turns on to the next beam.
 //!
-//! Beams have their turns, but for one case: who drives another way than it has looked along looks along its way at once, if the
-//! turn of that beam came only later. What the map takes for free beside a wall may have been seen at a grazing angle only.
-//!
 //! ```text
 //!   [Pointing] ──servo settled: ping──► [Listening] ──next beam──► [Pointing], or [Listening] where no time is needed to settle
 //! ```
@@ -23,7 +20,6 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::VehicleMode;
 
 use super::last_pose::LastPose;
 use super::{LookSettings, OwnState};
@@ -40,8 +36,6 @@ const ALIKE_M: f64 = 0.1;
 const ARC_PLACES: u32 = 13;
 /// So many rounds of all beams long an echo that jumped confirms another one.
 const ROUNDS: u32 = 2;
-/// Who drives another way than it has looked along looks along its way within this time, or out of turn.
-const AHEAD_WITHIN: Duration = Duration::from_millis(500);
 
 /// Asks the range sensor for an echo.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -126,14 +120,7 @@ pub enum Out {
 pub struct Sensor {
     look: LookSettings,
     place: LastPose,
-    is_driving: bool,
     beam: usize,
-    /// The last beam that had its turn.
-    in_turn: usize,
-    /// The beam along the vehicle's way, if there is one.
-    ahead: Option<usize>,
-    /// The heading at the last reading of that beam that was no suspect.
-    looked_ahead: Option<Angle>,
     phase: Phase,
     pings: u64,
     /// Last reading of each beam, metres; infinite = no echo.
@@ -177,47 +164,16 @@ impl Sensor {
             LastPose::unknown(pose_sd_max_m),
             Pointing::new(look.mounts.clone()),
         );
-        let is_ahead = |beam: &Angle| beam.radians().abs() <= look.half_angle.radians();
-        let ahead = look.beams.iter().position(is_ahead);
         Sensor {
             look,
             place,
-            is_driving: false,
             beam: 0,
-            in_turn: 0,
-            ahead,
-            looked_ahead: None,
             phase,
             pings: 0,
             last_m,
             jumped: Vec::new(),
             pointing,
         }
-    }
-
-    /// Returns the beam that is looked along next.
-    fn next_beam(&mut self, now: Time) -> usize {
-        let count = self.look.beams.len();
-        let regular = (self.in_turn + 1) % count;
-        if let Some(ahead) = self.ahead.filter(|_| self.is_driving) {
-            let turns = (ahead + count - regular) % count;
-            let comes_after = self.look.cycle() * turns as u32 / count as u32;
-            if comes_after > AHEAD_WITHIN && !self.has_looked_ahead(now) {
-                return ahead;
-            }
-        }
-        self.in_turn = regular;
-        regular
-    }
-
-    /// Returns whether the last look ahead was along the way that the vehicle faces now.
-    fn has_looked_ahead(&self, now: Time) -> bool {
-        let Some(pose) = self.place.pose(now) else {
-            return true;
-        };
-        let half_rad = self.look.half_angle.radians();
-        self.looked_ahead
-            .is_some_and(|heading| (pose.heading - heading).radians().abs() <= half_rad)
     }
 
     fn ping(&mut self, now: Time, next: Time, out: &mut Vec<Out>) {
@@ -261,9 +217,6 @@ impl Sensor {
             scan.suspect = !self.is_confirmed(now, &scan);
             self.jumped.push((now, scan.clone()));
         }
-        if self.ahead == Some(self.beam) && !scan.suspect {
-            self.looked_ahead = Some(scan.pose.heading);
-        }
         out.push(Out::Scan(scan));
     }
 
@@ -295,10 +248,7 @@ impl Actor for Sensor {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Echo(echo) => self.take_echo(now, echo, out),
-            In::State(state) => {
-                self.is_driving = state.mode == VehicleMode::Driving;
-                self.place.take(now, &state);
-            }
+            In::State(state) => self.place.take(now, &state),
         }
         Ok(())
     }
@@ -319,7 +269,7 @@ impl Actor for Sensor {
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         match self.phase {
             Phase::Listening { .. } => {
-                self.beam = self.next_beam(now);
+                self.beam = (self.beam + 1) % self.look.beams.len();
                 let beam = self.look.beams[self.beam];
                 let turns = self.pointing.steer(now.since(Time::ZERO), beam);
                 let next = now + self.look.period + turns;
@@ -421,45 +371,6 @@ mod tests {
         let pings: Vec<Time> = (0..7).map(|_| next_ping(&mut sensor).0).collect();
         for pair in pings.windows(2) {
             assert_eq!(pair[1].since(pair[0]), Duration::from_millis(100));
-        }
-    }
-
-    #[test]
-    fn who_drives_another_way_looks_along_it_before_the_round_goes_on_if_that_takes_long() {
-        for (period_ms, ahead_at) in [
-            (100, [false, false, true, false, false, false]),
-            (500, [true, true, false, false, true, false]),
-        ] {
-            let mut settings = super::super::tests_support::settings(1);
-            settings.look.beams = [0.0, 30.0, -30.0, 60.0, -60.0]
-                .map(Angle::from_degrees)
-                .to_vec();
-            settings.look.period = Duration::from_millis(period_ms);
-            let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
-            let mut looks = |turned_deg: f64, mode: VehicleMode, range_m: f64, count: usize| {
-                let mut state = super::super::tests_support::own_state(0.0, 0.0);
-                state.mode = mode;
-                state.pose.heading = Angle::from_degrees(turned_deg);
-                let mut look = || {
-                    let (now, number) = next_ping(&mut sensor);
-                    fed(&mut sensor, now, In::State(state.clone()));
-                    let echo = Echo {
-                        number,
-                        range_m: Some(range_m),
-                    };
-                    fed(&mut sensor, now, In::Echo(echo));
-                    sensor.look.beams[sensor.beam].radians() == 0.0
-                };
-                (0..count).map(|_| look()).collect::<Vec<bool>>()
-            };
-            let mut round = looks(0.0, VehicleMode::Idle, 3.0, 5);
-            // Who stands or turns is in no hurry.
-            round.extend(looks(70.0, VehicleMode::Turning, 3.0, 1));
-            assert_eq!(round.iter().filter(|ahead| **ahead).count(), 1);
-            // What is new there is a suspect, and looked at once more.
-            let mut after = looks(70.0, VehicleMode::Driving, 3.0, 1);
-            after.extend(looks(70.0, VehicleMode::Driving, 0.6, 6));
-            assert_eq!(after[1..], ahead_at, "{period_ms} ms: {after:?}");
         }
     }
 

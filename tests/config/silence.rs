@@ -180,3 +180,21 @@ fn an_experiment_is_told_of_a_sensor_where_it_names_it() {
     assert!(near.to_string().starts_with(expected), "{near}");
     assert!(grid.sim(1, &mut |path| bundled::load(path)).is_ok());
 }
+
+#[test]
+fn silence_from_afar_is_believed_of_rounds_that_leave_no_gap_beside_the_vehicle() {
+    let sensor = |period_s: f64, sure_m: f64| {
+        format!(
+            "range.max_range_m = 6\nrange.scan_period_s = {period_s}\nrange.sure_range_m = {sure_m}\n"
+        )
+    };
+    assert_eq!(sure_m(&sensor(0.1, 4.0)), 4.0);
+    // As much as without the key.
+    assert_eq!(sure_m(&sensor(1.0, 3.0)), 3.0);
+    for refused in [in_sim(&sensor(1.0, 4.0)), in_vehicle(&sensor(1.0, 4.0))] {
+        let said = refused.unwrap_err();
+        let problem = "range.sure_range_m = 4: is too far for beams whose round takes";
+        assert!(said.contains(problem), "{said}");
+        assert!(said.contains("at most 3 m is allowed"), "{said}");
+    }
+}
