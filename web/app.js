@@ -1,8 +1,10 @@
 // Puts the page together: the feed fills the model, and what has changed is drawn when the browser draws.
 
 import { BeginPanel } from "./begin.js";
+import { CellView } from "./cell.js";
 import { Feed } from "./feed.js";
 import { Fleet } from "./fleet.js";
+import { Ghost } from "./ghost.js";
 import { ImagePanel } from "./image.js";
 import { LogPanel, zone } from "./log.js";
 import { MarkPanel } from "./marks.js";
@@ -29,9 +31,11 @@ const model = new Model();
 const fleet = new Fleet(model);
 const orders = new Orders(model, fleet);
 const scene = new Scene(model);
+scene.ghost = new Ghost(model, token, () => scene.wanted());
 const view = new SceneView(model, fleet, scene, token);
 const image = new ImagePanel(model);
 new WhyPanel(model, scene, token);
+new CellView(model, scene, view, token);
 const panels = {
   plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
@@ -124,6 +128,8 @@ function showPlace() {
   if (showing === "REPLAY") scene.setPick(null);
   document.getElementById("venue").textContent = place.venue;
   document.getElementById("truth-choice").hidden = !place.truth;
+  document.getElementById("ghost-choice").hidden = !place.ghost;
+  document.getElementById("ghost-choice").title = place.ghost ? `another run: ${place.ghost.name}` : "";
   if (!model.isLive()) {
     say(`A ${place.showing.toLowerCase()}: it takes no orders.`);
     document.getElementById("log-zone").textContent = "time of the run";

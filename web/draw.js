@@ -42,3 +42,13 @@ export function liveLinks(model, now_ms, newest_ms = 5000) {
   }
   return [...links.values()];
 }
+
+/** The border of a find's ellipse of one standard deviation, closed; of one whose deviation is not known a ring of no meaning. */
+export function ellipsePlaces({ at, sd_m, ellipse }, unknown_m = 0.3) {
+  const { major_m, minor_m, angle_rad } = ellipse ?? { major_m: sd_m ?? unknown_m, minor_m: sd_m ?? unknown_m, angle_rad: 0 };
+  const [cos, sin] = [Math.cos(angle_rad), Math.sin(angle_rad)];
+  return Array.from({ length: 49 }, (_, i) => {
+    const [along, across] = [major_m * Math.cos((i * Math.PI) / 24), minor_m * Math.sin((i * Math.PI) / 24)];
+    return [at[0] + along * cos - across * sin, at[1] + along * sin + across * cos];
+  });
+}

@@ -1,10 +1,10 @@
 // The image of the radio links: mean, deviation, significance, with a scale that grows and never shrinks by itself, so that
 // noise does not look like something found.
 
+import { drawFindsOver, drawHistory, findText, numbered } from "./finds.js";
+
 const STEPS_DBPM = [0.25, 0.5, 1, 2, 4, 8, 16, 32];
 const SIGNIFICANCE_MOST = 6;
-/** Finds of two images that are nearer than this are one. */
-const SAME_FIND_M = 1;
 const BELOW_ZERO = [0, 160, 150];
 const scales = new Map();
 
@@ -13,7 +13,7 @@ export class ImagePanel {
     this.model = model;
     this.wanted = () => {};
     this.isChosen = false;
-    for (const id of ["image-subject", "image-plane"]) document.getElementById(id).addEventListener("change", () => this.wanted());
+    for (const id of ["image-subject", "image-plane", "finds-measure"]) document.getElementById(id).addEventListener("change", () => this.wanted());
     document.getElementById("image-subject").addEventListener("change", () => { this.isChosen = true; });
   }
 
@@ -27,7 +27,8 @@ export class ImagePanel {
     const image = this.model.images.get(subject);
     const canvas = document.getElementById("heat");
     const text = document.getElementById("heat-scale");
-    this.showFinds(subject);
+    const found = this.showFinds(subject);
+    document.getElementById("heat-finds").hidden = !image;
     if (!image) {
       text.textContent = "No image yet: the ground station makes one when there are links.";
       canvas.hidden = true;
@@ -40,56 +41,27 @@ export class ImagePanel {
     const pen = canvas.getContext("2d");
     pen.imageSmoothingEnabled = false;
     pen.drawImage(picture, 0, 0, canvas.width, canvas.height);
+    drawFindsOver(document.getElementById("heat-finds"), canvas, image, found);
     text.textContent = `${caption(image, plane)} Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links, ${image.linksDropped} left out.`;
   }
 
   showFinds(subject) {
-    const { finds = [], earlier = [] } = this.model.finds.get(subject) ?? {};
-    document.getElementById("finds").replaceChildren(...finds.map((find) => item(`find at ${findText(find)}`)));
+    const known = this.model.finds.get(subject) ?? {};
+    const earlier = known.earlier ?? [];
+    const images = numbered(known);
+    const measure = document.getElementById("finds-measure");
+    document.getElementById("finds").replaceChildren(...images.at(-1).finds.map((find) => item(`find ${find.number} at ${findText(find)}`)));
     document.getElementById("earlier").hidden = earlier.length === 0;
     const lines = earlier.map((image) => {
       const found = image.finds.map(findText).join("; ") || "nothing";
       return item(`${this.model.timeText(image.at_s * 1000)} run ${image.run}, lap ${image.laps}: ${found}`);
     });
     document.getElementById("earlier-finds").replaceChildren(...lines.reverse());
-    const image = this.model.images.get(subject);
-    const newest = { at_s: this.model.shown_ms / 1000, run: image?.run, finds };
-    const images = [...earlier, newest].filter((of) => of.run === image?.run);
-    drawHistory(document.getElementById("finds-history"), images);
-  }
-}
-
-/** How sure each find was in the images of this run: it sharpens, or it does not. Those of one place are joined. */
-function drawHistory(canvas, images) {
-  const points = images.flatMap(({ finds }, index) => finds.map((find) => ({ ...find, index }))).filter(({ sd_m }) => sd_m !== null);
-  canvas.hidden = images.length < 2 || points.length === 0;
-  if (canvas.hidden) return;
-  const ratio = Math.min(devicePixelRatio || 1, 1.5);
-  const [width, height] = [canvas.clientWidth || 300, 110];
-  [canvas.width, canvas.height] = [width * ratio, height * ratio];
-  const pen = canvas.getContext("2d");
-  pen.scale(ratio, ratio);
-  const style = getComputedStyle(canvas);
-  const [ink, faint] = ["--ink", "--faint"].map((name) => style.getPropertyValue(name));
-  const most_m = Math.max(0.5, ...points.map(({ sd_m }) => sd_m));
-  const x = (index) => 44 + (index * (width - 60)) / Math.max(1, images.length - 1);
-  const y = (sd_m) => height - 18 - (sd_m / most_m) * (height - 34);
-  pen.font = "11px system-ui, sans-serif";
-  pen.fillStyle = faint;
-  pen.fillRect(40, y(0), width - 44, 1);
-  pen.fillText(`± ${most_m.toFixed(1)} m`, 0, y(most_m) + 4);
-  pen.fillText("± 0", 0, y(0) + 4);
-  pen.fillText(`deviation of finds, ${images.length} images of the run`, 44, height - 3);
-  pen.strokeStyle = pen.fillStyle = ink;
-  for (const point of points) {
-    const before = points.filter((other) => other.index === point.index - 1 && Math.hypot(other.at[0] - point.at[0], other.at[1] - point.at[1]) < SAME_FIND_M);
-    for (const other of before.slice(0, 1)) {
-      pen.beginPath();
-      pen.moveTo(x(other.index), y(other.sd_m));
-      pen.lineTo(x(point.index), y(point.sd_m));
-      pen.stroke();
-    }
-    pen.fillRect(x(point.index) - 3, y(point.sd_m) - 3, 6, 6);
+    const history = document.getElementById("finds-history");
+    // Whoever has chosen what is not known of any sees that there is nothing, and can choose again.
+    document.getElementById("finds-measure-choice").hidden = images.length < 2 || images.every(({ finds }) => finds.length === 0);
+    drawHistory(history, images, measure.value);
+    return images;
   }
 }
 
@@ -97,11 +69,6 @@ function item(text) {
   const made = document.createElement("li");
   made.textContent = text;
   return made;
-}
-
-function findText(find) {
-  const sd = find.sd_m === null ? "deviation unknown" : `± ${find.sd_m.toFixed(2)} m`;
-  return `x ${find.at[0].toFixed(2)}, y ${find.at[1].toFixed(2)} m (${sd}), ${find.strength_dbpm.toFixed(2)} dB/m`;
 }
 
 function caption(image, plane) {

@@ -1,9 +1,10 @@
 // What stands in the scene in three dimensions, layer by layer: each is made anew when what it shows has changed, and not before.
 // The layers that are switched on are those of the view from above.
 
-import { css, excessColour, liveLinks, OCCUPIED_FROM, SIDE } from "./draw.js";
+import { css, ellipsePlaces, excessColour, liveLinks, OCCUPIED_FROM, SIDE } from "./draw.js";
 import { imageCanvas } from "./image.js";
 import { Labels } from "./labels3d.js";
+import { MARK, MARK_RADIUS_M, marksOf } from "./marks.js";
 import { waitsOf } from "./plan.js";
 import { vehicleParts } from "./vehicle3d.js";
 import {
@@ -19,6 +20,8 @@ const WALLS_MOST = 60000;
 const LARGER_PER_M = 0.06;
 const TRUTH = 0xa03cc8;
 const FIND = 0x0a7a3a;
+/** As high as a person. */
+const MARK_M = 1.7;
 /** Heights of what lies flat, so that nothing flickers. */
 const Z = { map: 0, image: 0.05, area: 0.02, track: 0.07, plan: 0.09, link: 0.3, ring: 0.06 };
 
@@ -63,23 +66,26 @@ export class Layers {
     this.ink = style.getPropertyValue("--ink").trim();
     this.paper = style.getPropertyValue("--paper").trim();
     this.labels.begin(this.ink, this.paper, height);
-    plane.takeTiles();
+    plane.map.take();
     const theme = this.ink + this.paper;
     // Seen from far away, what is thin or small is drawn larger.
     this.width = riding === null ? Math.max(0.05, Math.round(camera.position.z * 0.6) / 100) : 0.02;
     this.layer("place", true, `${model.place.venue} ${theme}`, () => this.place());
     const homes = model.place.homes.map((home, index) => [home, `home ${index + 1}`]);
     if (riding === null) for (const [home, text] of homes) this.labels.put(text, home[0] + 0.4, home[1] - 0.4, 0.05, 11);
-    this.layer("map", on("map"), `${plane.mapVersion} ${model.generation} ${plane.slice}`, () => this.map());
+    this.layer("map", on("map"), `${plane.map.version} ${model.generation}`, () => this.map());
     this.showWalls(on("map"));
     this.showImage(on("image"));
     this.showLinks(on("links"), now_ms);
     this.showWays(on("tracks"), on("plan"));
     this.showWaits(on("plan"));
+    this.showGhost(on("ghost"));
     this.showFinds();
+    this.showMarks();
     this.showTruth(on("truth"));
     this.showWhy();
     this.layer("sketch", plane.sketch.length > 0, JSON.stringify(plane.sketch), () => [line(plane.sketch.map(([x, y]) => [x, y, 0.1]), this.ink)]);
+    this.showCell();
     this.showVehicles(now_ms, riding, camera);
     this.labels.end();
   }
@@ -100,9 +106,9 @@ export class Layers {
     ];
   }
 
-  /** All tiles as one texture. */
+  /** All tiles that are shown as one texture. */
   map() {
-    const tiles = [...this.plane.tiles.values()].filter(({ tile }) => tile.slice === this.plane.slice);
+    const tiles = this.plane.map.shown();
     if (tiles.length === 0) return [];
     const [xs, ys] = [tiles.map(({ tile }) => tile.x), tiles.map(({ tile }) => tile.y)];
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs) + 1, Math.min(...ys), Math.max(...ys) + 1];
@@ -116,7 +122,7 @@ export class Layers {
 
   /** Occupied cells, side by side as one box, raised. */
   showWalls(isShown) {
-    const key = `${this.plane.mapVersion} ${this.model.generation} ${this.plane.slice}`;
+    const key = `${this.plane.map.version} ${this.model.generation}`;
     if (isShown && this.keys.get("walls") !== key) {
       // A wall may come a second late; a map that grows makes no thousand boxes ten times a second.
       const wait_ms = this.walls_ms + WALLS_EVERY_MS - performance.now();
@@ -132,15 +138,15 @@ export class Layers {
   walls() {
     const cell = this.model.place.cell_m;
     const boxes = [];
-    for (const { tile } of this.plane.tiles.values()) {
-      if (tile.slice !== this.plane.slice) continue;
+    for (const { tile } of this.plane.map.ofSlices()) {
+      const [low, high] = this.plane.map.bordersOf(tile.slice) ?? [0, WALL_M];
       for (let row = 0; row < SIDE; row++) {
         let from = -1;
         for (let column = 0; column <= SIDE; column++) {
           const isWall = column < SIDE && tile.cells[row * SIDE + column] >= OCCUPIED_FROM;
           if (isWall && from < 0) from = column;
           if (isWall || from < 0) continue;
-          boxes.push([tile.x * SIDE + from, tile.y * SIDE + row, column - from]);
+          boxes.push([tile.x * SIDE + from, tile.y * SIDE + row, column - from, low, Math.min(WALL_M, high - low)]);
           from = -1;
         }
       }
@@ -150,8 +156,8 @@ export class Layers {
     const mesh = new InstancedMesh(new BoxGeometry(1, 1, 1), new MeshLambertMaterial({ color: 0x3d4254 }), count);
     const at = new Matrix4();
     for (let i = 0; i < count; i++) {
-      const [x, y, length] = boxes[i];
-      at.makeScale(length * cell, cell, WALL_M).setPosition((x + length / 2) * cell, (y + 0.5) * cell, WALL_M / 2);
+      const [x, y, length, low, height] = boxes[i];
+      at.makeScale(length * cell, cell, height).setPosition((x + length / 2) * cell, (y + 0.5) * cell, low + height / 2);
       mesh.setMatrixAt(i, at);
     }
     return [mesh];
@@ -209,6 +215,20 @@ export class Layers {
     }
   }
 
+  /** Where the vehicles of another run were then: outlines without a body. */
+  showGhost(isShown) {
+    const vehicles = isShown ? this.plane.ghost?.vehicles() ?? [] : [];
+    const key = this.width + vehicles.map(({ id, x, y, z, heading, track }) => [id, x, y, z, heading, track.length].join()).join(";");
+    this.layer("ghost", vehicles.length > 0, key, () => vehicles.flatMap(({ id, x, y, z, heading, track }) => {
+      const color = css(this.model.colourOf(id), 1);
+      const size = 0.3 + 2 * this.width;
+      const corner = ([ahead, left]) => [x + size * (ahead * Math.cos(heading) - left * Math.sin(heading)), y + size * (ahead * Math.sin(heading) + left * Math.cos(heading))];
+      const outline = [[1, 0], [-0.75, 0.7], [-0.4, 0], [-0.75, -0.7], [1, 0]].map(corner);
+      return [line(track.map((at) => [...at, Z.track]), color, 0.4), ...[z + 0.05, z + 0.25].map((height) => line(outline.map((at) => [...at, height]), color, 0.7))];
+    }));
+    for (const { id, x, y, z, isOver } of vehicles) this.labels.put(`ghost ${id}${isOver ? ", over" : ""}`, x, y, z + 0.6, 11);
+  }
+
   /** Who waits, and for whom. */
   showWaits(isShown) {
     const waits = isShown ? waitsOf(this.model.timetable?.rows ?? []) : [];
@@ -223,10 +243,20 @@ export class Layers {
 
   showFinds() {
     const finds = this.model.finds.get(this.subject())?.finds ?? [];
-    this.layer("finds", finds.length > 0, JSON.stringify(finds), () => finds.flatMap(({ at, sd_m }) => [
-      ribbon([[at[0], at[1], 0], [at[0], at[1], 1.9]], "#0a7a3a", 0.08), circle(at[0], at[1], Z.ring, sd_m ?? 0.3, FIND),
+    this.layer("finds", finds.length > 0, JSON.stringify(finds), () => finds.flatMap((find) => [
+      ribbon([[...find.at, 0], [...find.at, 1.9]], "#0a7a3a", 0.08), line(ellipsePlaces(find).map((place) => [...place, Z.ring]), FIND),
     ]));
     for (const { at, sd_m } of finds) this.labels.put(sd_m === null ? "find" : `find ± ${sd_m.toFixed(2)} m`, at[0], at[1], 2.1, 12);
+  }
+
+  /** Where somebody truly stands: a post with a ring on the ground and one at its head; of what is not stored every other part is missing. */
+  showMarks() {
+    const marks = marksOf(this.model, this.plane.candidate);
+    this.layer("marks", marks.length > 0, this.width + JSON.stringify(marks), () => marks.flatMap(({ at: [x, y], isStored }) => [
+      ...[[0, 0.4], [0.8, 1.2], ...(isStored ? [[0.4, 0.8], [1.2, MARK_M]] : [])].map(([low, high]) => ribbon([[x, y, low], [x, y, high]], MARK, Math.max(0.06, this.width))),
+      ...[Z.ring, MARK_M].map((z) => ringParts(x, y, z, MARK_RADIUS_M, MARK, isStored)),
+    ]));
+    for (const { at: [x, y], word } of marks) this.labels.put(word, x, y, MARK_M + 0.2, 12);
   }
 
   /** What truly stands in a simulation: the triangles that its sensors hear. They come when they are asked for first. */
@@ -252,6 +282,16 @@ export class Layers {
     )));
   }
 
+  /** The cell of which is told who has seen it. */
+  showCell() {
+    const { cell } = this.plane;
+    this.layer("cell", cell !== null, `${cell} ${this.ink}`, () => {
+      const half = Math.max(0.1, this.model.place.cell_m / 2);
+      const corners = [[-half, -half], [half, -half], [half, half], [-half, half], [-half, -half]];
+      return [Z.ring, WALL_M + 0.02].map((z) => line(corners.map(([dx, dy]) => [cell[0] + dx, cell[1] + dy, z]), this.ink));
+    });
+  }
+
   showVehicles(now_ms, riding, camera) {
     for (const [name, group] of this.groups) if (name.startsWith("vehicle ")) group.visible = false;
     for (const state of this.model.states.values()) {
@@ -259,7 +299,7 @@ export class Layers {
       const isSilent = this.model.isSilent(state.id, now_ms);
       const isRidden = state.id === riding;
       const colour = isSilent ? [138, 138, 138] : this.model.colourOf(state.id);
-      const key = [state.x, state.y, state.z, state.heading, state.sd, state.standsUnder, colour, isRidden, this.plane.mapVersion].join();
+      const key = [state.x, state.y, state.z, state.heading, state.sd, state.standsUnder, colour, isRidden, this.plane.map.version].join();
       const of = { state, colour, isRidden, sensors: this.model.place.sensors, cellWord: (x, y) => this.plane.cellWord(x, y) };
       this.layer(`vehicle ${state.id}`, true, key, () => vehicleParts(of));
       const [shape] = this.groups.get(`vehicle ${state.id}`).children;
@@ -302,9 +342,11 @@ function segments(places, color) {
   return new LineSegments(geometry(places), new LineBasicMaterial({ color }));
 }
 
-function circle(x, y, z, radius, color) {
-  const corners = Array.from({ length: 49 }, (_, i) => [x + radius * Math.cos((i * Math.PI) / 24), y + radius * Math.sin((i * Math.PI) / 24), z]);
-  return line(corners, color);
+/** A ring that lies flat, whole or broken. */
+function ringParts(x, y, z, radius, color, isWhole) {
+  const corner = (i) => [x + radius * Math.cos((i * Math.PI) / 12), y + radius * Math.sin((i * Math.PI) / 12), z];
+  const parts = Array.from({ length: 24 }, (_, i) => i).filter((i) => isWhole || i % 2 === 0);
+  return segments(parts.flatMap((i) => [corner(i), corner(i + 1)]), color);
 }
 
 /** A line of a thickness in metres: thicker ones are not drawn everywhere. */

@@ -3,6 +3,9 @@
 
 import { post, say } from "./stop.js";
 
+/** The colour of a mark in the scene, and its size: that of a person, metres. */
+export const MARK = "#7a1fa0";
+export const MARK_RADIUS_M = 0.25;
 const SUBJECTS = ["the structure", "the change"];
 const STATES = {
   stored: "",
@@ -81,7 +84,7 @@ export class MarkPanel {
     this.drawnKey = key;
     const mayOrder = this.model.place?.mayOrder === true;
     for (const id of ["mark-give", "mark-point"]) document.getElementById(id).disabled = !mayOrder;
-    const head = marks.length ? "" : "No mark is known: nobody has said where somebody truly stands since this page's program began.";
+    const head = marks.length ? "" : "No mark is known: no ground station that is heard has said one.";
     document.getElementById("mark-none").textContent = head;
     document.getElementById("mark-list").replaceChildren(...marks.map((mark) => this.row(mark, finds, mayOrder)));
     document.getElementById("mark-given").replaceChildren(...[...given].reverse().map(givenRow));
@@ -102,6 +105,18 @@ export class MarkPanel {
     made.append(button);
     return made;
   }
+}
+
+/** The marks that both views of the scene draw, each with a word: those that are known, on their way, and one that is filled in. */
+export function marksOf(model, candidate) {
+  const { marks, given } = model.marks;
+  const present = model.ground?.run;
+  const known = marks.map(({ run, at, state }) => {
+    const of = run === present ? "" : ` (run ${run})`;
+    return { at, word: `${state === "stored" ? "marked" : state}${of}`, isStored: state === "stored" };
+  });
+  const underWay = given.filter(({ isOver }) => !isOver).map(({ at }) => ({ at, word: "on its way", isStored: false }));
+  return [...known, ...underWay, ...(candidate ? [{ at: candidate, word: "mark?", isStored: false }] : [])];
 }
 
 /** What says the same in a terminal; after -- nothing is an option, so that a coordinate may be below zero. */

@@ -1,15 +1,16 @@
 // The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds, marks. x to
 // the right, y up, metres.
 
-import { cellColour, css, excessColour, FREE_TO, liveLinks, OCCUPIED_FROM, SIDE } from "./draw.js";
+import { css, ellipsePlaces, excessColour, liveLinks, SIDE } from "./draw.js";
 import { imageCanvas } from "./image.js";
+import { MARK, MARK_RADIUS_M, marksOf } from "./marks.js";
 import { arrow, waitsOf } from "./plan.js";
+import { MapTiles } from "./tiles.js";
 
 const PADDING = 1.08;
 const TRUTH = "#a03cc8";
-const MARK = "#7a1fa0";
-/** A mark is drawn as large as a person, metres. */
-const MARK_RADIUS_M = 0.25;
+/** A vehicle this high is written with its height, metres. */
+const ALOFT_M = 0.5;
 /** A pointer that moves less has pointed at something. */
 const TAP_PIXELS = 5;
 
@@ -17,9 +18,9 @@ export class Scene {
   constructor(model) {
     this.model = model;
     this.canvas = document.getElementById("plane");
-    this.tiles = new Map();
+    this.map = new MapTiles(model, () => this.wanted());
     this.view = null;
-    this.layers = Object.fromEntries(["map", "image", "links", "plan", "tracks", "truth"].map((name) => [name, document.getElementById(`layer-${name}`)]));
+    this.layers = Object.fromEntries(["map", "image", "links", "plan", "tracks", "truth", "ghost"].map((name) => [name, document.getElementById(`layer-${name}`)]));
     for (const box of Object.values(this.layers)) box.addEventListener("change", () => this.wanted());
     this.wanted = () => {};
     /** Told the places that are pointed at, while places are asked for. */
@@ -28,14 +29,19 @@ export class Scene {
     this.dropped = () => {};
     /** Told them otherwise. */
     this.pointedAt = () => {};
+    /** Told where a pointer is, whatever it does there; null = it has left. */
+    this.hovered = () => {};
+    /** Told that what is seen has moved. */
+    this.moved = () => {};
     this.sketch = [];
+    /** The cell of which is told who has seen it, by its middle. */
+    this.cell = null;
     /** A place that is to be marked, if it is said. */
     this.candidate = null;
-    this.slice = 0;
-    /** Counts how often the map has changed. */
-    this.mapVersion = 0;
     /** The links that made a pixel, if that was asked. */
     this.why = null;
+    /** Another run, if there is one. */
+    this.ghost = null;
     this.listen();
   }
 
@@ -57,9 +63,11 @@ export class Scene {
     canvas.addEventListener("pointerup", (event) => {
       const isTap = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < TAP_PIXELS;
       if (isTap && this.view) (this.pick ?? this.pointedAt)(...this.placeOf(event));
+      if (isTap && this.view && event.pointerType !== "mouse") this.hovered(this.placeOf(event));
       from = null;
     });
     canvas.addEventListener("pointercancel", () => { from = null; });
+    canvas.addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse") this.hovered(null); });
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       const rect = canvas.getBoundingClientRect();
@@ -94,7 +102,13 @@ export class Scene {
   point(event) {
     if (!this.view) return;
     const [x, y] = this.placeOf(event);
+    if (event.pointerType === "mouse") this.hovered([x, y]);
     document.getElementById("pointed").textContent = `x ${x.toFixed(1)} m, y ${y.toFixed(1)} m: ${this.cellWord(x, y)}`;
+  }
+
+  /** The place in the middle of what is seen. */
+  middle() {
+    return this.view ? [this.view.x, this.view.y] : null;
   }
 
   placeOf(event) {
@@ -104,12 +118,7 @@ export class Scene {
 
   /** What is known of a place. */
   cellWord(x, y) {
-    const cell = this.model.place?.cell_m ?? 0.1;
-    const [cx, cy] = [Math.floor(x / cell), Math.floor(y / cell)];
-    const tile = this.model.tiles.get(`${this.slice}/${Math.floor(cx / SIDE)}/${Math.floor(cy / SIDE)}`);
-    if (!tile) return "unknown";
-    const value = tile.cells[(((cy % SIDE) + SIDE) % SIDE) * SIDE + (((cx % SIDE) + SIDE) % SIDE)];
-    return value >= OCCUPIED_FROM ? "occupied" : value <= FREE_TO ? "free" : "unknown";
+    return this.map.cellWord(x, y);
   }
 
   move(dx, dy) {
@@ -117,6 +126,7 @@ export class Scene {
     this.isChosen = true;
     this.view.x -= dx / this.view.scale;
     this.view.y += dy / this.view.scale;
+    this.moved();
     this.wanted();
   }
 
@@ -134,6 +144,7 @@ export class Scene {
   fit() {
     this.view = null;
     this.isChosen = false;
+    this.moved();
     this.wanted();
   }
 
@@ -159,7 +170,7 @@ export class Scene {
 
   draw(now_ms) {
     const { canvas, model } = this;
-    this.takeTiles();
+    this.map.take();
     if (!model.place || canvas.clientWidth === 0) return;
     const ratio = Math.min(devicePixelRatio || 1, 1.5);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
@@ -177,6 +188,7 @@ export class Scene {
     if (this.layers.truth.checked) this.drawTruth(pen);
     this.drawPlace(pen);
     if (this.layers.tracks.checked) this.drawTracks(pen);
+    if (this.layers.ghost.checked) this.drawGhost(pen);
     if (this.layers.links.checked) this.drawLinks(pen, now_ms);
     this.drawWhy(pen);
     if (this.layers.plan.checked) {
@@ -186,48 +198,21 @@ export class Scene {
     this.drawFinds(pen);
     this.drawMarks(pen);
     this.drawSketch(pen);
+    this.drawCell(pen);
     for (const state of model.states.values()) if (state.isPlaced) this.drawVehicle(pen, state, now_ms);
     this.drawScale(pen);
-  }
-
-  /** Paints the tiles that have changed. */
-  takeTiles() {
-    const { model } = this;
-    if (this.generation !== model.generation) this.tiles.clear();
-    this.generation = model.generation;
-    if (model.changedTiles.size > 0) this.mapVersion += 1;
-    for (const key of model.changedTiles) this.paintTile(key);
-    model.changedTiles.clear();
   }
 
   drawMap(pen) {
     const side = SIDE * this.model.place.cell_m;
     pen.imageSmoothingEnabled = false;
-    for (const { tile, picture } of this.tiles.values()) {
-      if (tile.slice !== this.slice) continue;
+    for (const { tile, picture } of this.map.shown()) {
       const [left, top] = this.toPixel(tile.x * side, (tile.y + 1) * side);
       const [right, low] = this.toPixel((tile.x + 1) * side, tile.y * side);
       if (right < 0 || low < 0 || left > this.canvas.clientWidth || top > this.canvas.clientHeight) continue;
       // Whole pixels, so that no seam shows between two tiles.
       pen.drawImage(picture, Math.round(left), Math.round(top), Math.round(right) - Math.round(left), Math.round(low) - Math.round(top));
     }
-  }
-
-  paintTile(key) {
-    const tile = this.model.tiles.get(key);
-    const known = this.tiles.get(key);
-    const picture = known?.picture ?? document.createElement("canvas");
-    [picture.width, picture.height] = [SIDE, SIDE];
-    const pen = picture.getContext("2d");
-    const pixels = pen.createImageData(SIDE, SIDE);
-    for (let y = 0; y < SIDE; y++) {
-      for (let x = 0; x < SIDE; x++) {
-        const at = ((SIDE - 1 - y) * SIDE + x) * 4;
-        pixels.data.set(cellColour(tile.cells[y * SIDE + x]), at);
-      }
-    }
-    pen.putImageData(pixels, 0, 0);
-    this.tiles.set(key, { tile, picture });
   }
 
   drawImage(pen) {
@@ -295,6 +280,40 @@ export class Scene {
     }
   }
 
+  /** Where the vehicles of another run were then: broken, hollow and faint. */
+  drawGhost(pen) {
+    for (const { id, x, y, heading, isOver, track } of this.ghost?.vehicles() ?? []) {
+      pen.strokeStyle = css(this.model.colourOf(id), 0.5);
+      pen.lineWidth = 1.5;
+      pen.setLineDash([4, 4]);
+      this.path(pen, track, false);
+      pen.setLineDash([]);
+      pen.lineWidth = 2;
+      const [px, py] = this.toPixel(x, y);
+      pen.save();
+      this.body(pen, px, py, heading);
+      pen.stroke();
+      pen.restore();
+      pen.font = "12px system-ui, sans-serif";
+      this.write(pen, `ghost ${id}${isOver ? ", over" : ""}`, px + 10, py + 16);
+    }
+  }
+
+  /** The outline of a vehicle; the pen stays turned. */
+  body(pen, x, y, heading) {
+    const size = this.size();
+    pen.translate(x, y);
+    pen.rotate(-heading);
+    pen.beginPath();
+    pen.moveTo(size, 0); pen.lineTo(-size * 0.75, size * 0.7); pen.lineTo(-size * 0.4, 0); pen.lineTo(-size * 0.75, -size * 0.7);
+    pen.closePath();
+  }
+
+  /** Pixels from a vehicle's middle to its nose. */
+  size() {
+    return Math.max(8, 0.2 * this.view.scale);
+  }
+
   /** Who hears whom, by what the way costs beyond the path loss. */
   drawLinks(pen, now_ms) {
     pen.font = "11px system-ui, sans-serif";
@@ -360,6 +379,18 @@ export class Scene {
     });
   }
 
+  /** The cell of which is told who has seen it. */
+  drawCell(pen) {
+    if (!this.cell) return;
+    const side = Math.max(10, this.model.place.cell_m * this.view.scale);
+    const [x, y] = this.toPixel(...this.cell);
+    for (const [colour, width] of [[this.paper, 4], [this.ink, 1.5]]) {
+      pen.strokeStyle = colour;
+      pen.lineWidth = width;
+      pen.strokeRect(x - side / 2, y - side / 2, side, side);
+    }
+  }
+
   /** From who waits to whom it waits for. */
   drawWaits(pen) {
     for (const { vehicle, of } of waitsOf(this.model.timetable?.rows ?? [])) {
@@ -386,21 +417,14 @@ export class Scene {
       pen.moveTo(x - 7, y - 7); pen.lineTo(x + 7, y + 7);
       pen.moveTo(x + 7, y - 7); pen.lineTo(x - 7, y + 7);
       pen.stroke();
-      if (find.sd_m !== null) this.ring(pen, x, y, find.sd_m);
+      if (find.sd_m !== null) this.path(pen, ellipsePlaces(find), true);
       this.write(pen, find.sd_m === null ? "find" : `find ± ${find.sd_m.toFixed(2)} m`, x + 10, y - 8);
     }
   }
 
   /** Where somebody truly stands: a ring with a point; broken while it is not stored. */
   drawMarks(pen) {
-    const { marks, given } = this.model.marks;
-    const present = this.model.ground?.run;
-    for (const { run, at, state } of marks) {
-      const of = run === present ? "" : ` (run ${run})`;
-      this.drawMark(pen, at, state === "stored" ? `marked${of}` : `${state}${of}`, state === "stored");
-    }
-    for (const { at, isOver } of given) if (!isOver) this.drawMark(pen, at, "on its way", false);
-    if (this.candidate) this.drawMark(pen, this.candidate, "mark?", false);
+    for (const { at, word, isStored } of marksOf(this.model, this.candidate)) this.drawMark(pen, at, word, isStored);
   }
 
   drawMark(pen, at, word, isWhole) {
@@ -429,25 +453,24 @@ export class Scene {
   drawVehicle(pen, state, now_ms) {
     const isSilent = this.model.isSilent(state.id, now_ms);
     const [x, y] = this.toPixel(state.x, state.y);
-    const size = Math.max(8, 0.2 * this.view.scale);
+    const size = this.size();
     const colour = isSilent ? "#8a8a8a" : css(this.model.colourOf(state.id), 1);
     pen.lineWidth = 1.5;
     pen.strokeStyle = colour;
     if (state.sd !== null) this.ring(pen, x, y, state.sd);
     pen.save();
-    pen.translate(x, y);
-    pen.rotate(-state.heading);
+    this.body(pen, x, y, state.heading);
     pen.fillStyle = colour;
     pen.strokeStyle = state.standsUnder === 1 ? "#c01020" : "#ffffff";
     pen.lineWidth = state.standsUnder === 1 ? 3 : 1.5;
-    pen.beginPath();
-    pen.moveTo(size, 0); pen.lineTo(-size * 0.75, size * 0.7); pen.lineTo(-size * 0.4, 0); pen.lineTo(-size * 0.75, -size * 0.7);
-    pen.closePath();
-    pen.fill();
+    // Who is in another slice of altitude than what is shown is hollow.
+    if (this.map.shows(state.z)) pen.fill();
+    else pen.strokeStyle = colour;
     pen.stroke();
     pen.restore();
     pen.font = "bold 14px system-ui, sans-serif";
-    this.write(pen, isSilent ? `${state.id} ?` : String(state.id), x + size + 2, y - size);
+    const height = state.z >= ALOFT_M ? ` ↑${state.z.toFixed(1)} m` : "";
+    this.write(pen, `${state.id}${isSilent ? " ?" : ""}${height}`, x + size + 2, y - size);
   }
 
   /** Text with a rim, so that it reads on anything. */

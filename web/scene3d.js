@@ -32,7 +32,7 @@ export class Space {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.maxPolarAngle = Math.PI / 2 - 0.02;
-    this.controls.addEventListener("change", () => this.wanted());
+    this.controls.addEventListener("change", () => { this.moved(); this.wanted(); });
     this.layers = new Layers(model, plane, this.scene, token, () => this.wanted());
     this.riding = null;
     this.mode = "space";
@@ -40,6 +40,8 @@ export class Space {
     this.frames = 0;
     this.pressed = new Set();
     this.wanted = () => {};
+    this.hovered = () => {};
+    this.moved = () => {};
     this.isFitted = false;
     this.listen();
     new ResizeObserver(() => this.wanted()).observe(this.canvas);
@@ -50,7 +52,14 @@ export class Space {
     canvas.addEventListener("keydown", (event) => this.key(event));
     canvas.addEventListener("keyup", (event) => this.pressed.delete(event.key.toLowerCase()));
     canvas.addEventListener("blur", () => this.pressed.clear());
+    const pointed = (event) => {
+      const box = canvas.getBoundingClientRect();
+      this.hovered(this.groundAt(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2));
+    };
+    canvas.addEventListener("pointerdown", pointed);
+    canvas.addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse") this.hovered(null); });
     canvas.addEventListener("pointermove", (event) => {
+      if (event.buttons === 0) pointed(event);
       if (this.mode !== "ride" || event.buttons === 0) return;
       this.look -= event.movementX / 300;
       this.wanted();
@@ -111,6 +120,15 @@ export class Space {
     this.camera.position.sub(this.controls.target).multiplyScalar(factor).add(this.controls.target);
     this.controls.update();
     this.wanted();
+  }
+
+  /** The place of the ground at a point of the picture, -1 to 1 to the right and up; null = the sky is there. */
+  groundAt(right, up) {
+    const { position } = this.camera;
+    const ray = new Vector3(right, up, 0.5).unproject(this.camera).sub(position);
+    if (ray.z > -1e-6) return null;
+    const share = -position.z / ray.z;
+    return [position.x + share * ray.x, position.y + share * ray.y];
   }
 
   /** Everything that the place names is seen, from the south. */

@@ -13,6 +13,8 @@ export class SceneView {
     this.space = null;
     this.riding = null;
     this.wanted = () => {};
+    /** Told which place of the ground a pointer is over in three dimensions; null = it has left. */
+    this.hovered = () => {};
     this.buttons = Object.keys(NAMES).map((name) => [name, document.getElementById(`view-${name}`)]);
     for (const [name, button] of this.buttons) button.addEventListener("click", () => this.choose(name));
     addEventListener("selected", () => this.follow());
@@ -56,11 +58,18 @@ export class SceneView {
       const { Space } = await import("./scene3d.js");
       this.space = new Space(this.model, this.plane, this.token);
       this.space.wanted = () => this.wanted();
+      this.space.hovered = (at) => this.hovered(at);
+      this.space.moved = () => this.plane.moved();
       return true;
     } catch (error) {
       say(`3D cannot be shown here (${error.message}). The view from above shows the same, and STOP works.`);
       return false;
     }
+  }
+
+  /** The place in the middle of what is seen; null = there is none. */
+  middle() {
+    return this.current === "plane" ? this.plane.middle() : this.space.groundAt(0, 0);
   }
 
   show() {

@@ -12,9 +12,10 @@ use super::operator::{OperatorContext, fault};
 use super::replay::recordings;
 use super::standard_output::{StandardOutput, complain};
 use super::stop::StopFlag;
-use crate::config::{self, Config};
+use crate::config::{self, Config, Venue};
+use crate::dash::ghost::Ghost;
 use crate::run::dash::{DashError, Dashboard, PageAddress, PageCertificate, RecordedPage};
-use crate::store::recording::what_was_said;
+use crate::store::recording::{RecordedRun, what_was_said};
 
 /// The port of the page unless another one is asked for.
 pub(super) const PAGE_PORT: u16 = 8377;
@@ -33,6 +34,9 @@ pub struct DashArgs {
     /// Show flight recordings in place of a swarm: a recording (.mcap), or a folder with those of all nodes of one run
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["config", "files"])]
     pub replay: Option<PathBuf>,
+    /// Show the vehicles of another recorded run of the same venue beside this one, faintly: both from their first start on
+    #[arg(long, value_name = "FOLDER", requires = "replay")]
+    pub ghost: Option<PathBuf>,
     /// Serve other machines as well: an address of this one, or 0.0.0.0 for all of them, by TLS with the operator's certificate;
     /// without one it is refused [default: 127.0.0.1, this machine alone, without TLS]
     #[arg(long, value_name = "ADDRESS", conflicts_with = "replay")]
@@ -60,6 +64,7 @@ Examples:
   tomoswarm dash operator.toml --port 0               on any free port
   tomoswarm dash operator.toml --store ground.sqlite  beside the ground station's store: pages save whole runs
   tomoswarm dash --replay run/flight                  a recording: of each node what it said, at any moment and speed
+  tomoswarm dash --replay run/flight --ghost earlier/flight       the same, with another run's vehicles beside it, faintly
   tomoswarm dash operator.toml --listen 0.0.0.0       for a tablet: its browser must be given the swarm's ca.pem
   ssh -L 8377:127.0.0.1:8377 ground                   the page of a ground station's machine, from elsewhere
 
@@ -115,37 +120,70 @@ impl DashArgs {
 
     /// Serves a recording until it shall end.
     fn replay(&self, folder: &Path, out: &mut StandardOutput) -> Result<(), CliError> {
-        let files = recordings(&[folder.to_owned()])?;
-        let run = what_was_said(&files).map_err(|error| CliError::Input {
-            path: error.path,
-            reason: error.reason,
-        })?;
-        run.notes
-            .iter()
-            .for_each(|note| complain(&format_args!("note: {note}")));
-        let unusable = |reason: String| CliError::Input {
-            path: folder.to_owned(),
-            reason,
-        };
-        if run.venue.is_empty() {
-            let reason = "says no venue: it was recorded by an older version";
-            return Err(unusable(reason.to_owned()));
-        }
-        let venue = match config::read("venue", &run.venue, &mut |name| Err(name.to_owned())) {
-            Ok(Config::Venue(venue)) => venue,
-            Ok(_) => return Err(unusable("says a venue that is none".to_owned())),
-            Err(problems) => return Err(unusable(format!("says a wrong venue: {problems}"))),
-        };
-        if run.heard.is_empty() {
-            return Err(unusable("holds nothing that any node has said".to_owned()));
-        }
+        let (venue, run) = recorded(folder)?;
+        let ghost = self
+            .ghost
+            .as_ref()
+            .map(|of| ghost(of, &venue))
+            .transpose()?;
         let stop = StopFlag::listen();
-        let page = RecordedPage::start(&venue, self.port, run.heard).map_err(refused)?;
+        let page = RecordedPage::start(&venue, self.port, run.heard, ghost.as_ref());
+        let page = page.map_err(refused)?;
         writeln!(out, "to look     {}", page.link())
             .and_then(|()| out.flush())
             .map_err(CliError::stdout)?;
         page.serve(|| stop.is_asked());
         Ok(())
+    }
+}
+
+/// Reads the recordings of a run, and the venue that they name.
+fn recorded(folder: &Path) -> Result<(Venue, RecordedRun), CliError> {
+    let files = recordings(&[folder.to_owned()])?;
+    let run = what_was_said(&files).map_err(|error| CliError::Input {
+        path: error.path,
+        reason: error.reason,
+    })?;
+    run.notes
+        .iter()
+        .for_each(|note| complain(&format_args!("note: {note}")));
+    if run.venue.is_empty() {
+        let reason = "says no venue: it was recorded by an older version";
+        return Err(unusable(folder, reason.to_owned()));
+    }
+    let venue = match config::read("venue", &run.venue, &mut |name| Err(name.to_owned())) {
+        Ok(Config::Venue(venue)) => venue,
+        Ok(_) => return Err(unusable(folder, "says a venue that is none".to_owned())),
+        Err(problems) => {
+            let reason = format!("says a wrong venue: {problems}");
+            return Err(unusable(folder, reason));
+        }
+    };
+    if run.heard.is_empty() {
+        let reason = "holds nothing that any node has said";
+        return Err(unusable(folder, reason.to_owned()));
+    }
+    Ok((venue, run))
+}
+
+/// Reads the run that is shown beside another one of a venue.
+fn ghost(folder: &Path, venue: &Venue) -> Result<Ghost, CliError> {
+    let (own, run) = recorded(folder)?;
+    if own.hash() != venue.hash() {
+        let reason = format!(
+            "is of the venue {:?} (or an edition of it), and the run beside which it is to be shown of {:?}: one file is expected",
+            own.name, venue.name
+        );
+        return Err(unusable(folder, reason));
+    }
+    let nowhere = || unusable(folder, "no vehicle says where it is".to_owned());
+    Ghost::of(folder.display().to_string(), &run.heard).ok_or_else(nowhere)
+}
+
+fn unusable(folder: &Path, reason: String) -> CliError {
+    CliError::Input {
+        path: folder.to_owned(),
+        reason,
     }
 }
 

@@ -10,13 +10,15 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, Find, Image, ImageSubject, Message, Plan, RunId, Sender, Stop, TILE_CELLS,
-    TileAddress, VehicleId,
+    EmergencyName, Image, ImageSubject, Message, Plan, Sender, Stop, TILE_CELLS, TileAddress,
+    VehicleId,
 };
 
+use super::cell_view::TileChanges;
 use super::events::{EventKind, EventList};
 use super::gate::PageId;
 use super::marks::{MarkBook, MarkOrder, in_metres};
+use super::newest_image::NewestImage;
 use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
 use super::texts::outcome_in_words;
@@ -33,8 +35,6 @@ use crate::time::Time;
 
 /// What the rest of a board takes, about: states, samples.
 const OTHER_BYTES: usize = 64 << 10;
-/// Images of which it is known what was found in them, at most.
-const EARLIER_MAX: usize = 40;
 /// An image that was not said again for this long gives way to one that seems to be older: the ground has begun anew.
 const IMAGE_STANDS: Duration = Duration::from_secs(60);
 
@@ -92,56 +92,13 @@ pub enum Subject {
     Stripe(ImageSubject, u16),
 }
 
-/// The newest image of its kind, as far as its parts have come.
-#[derive(Clone, Debug)]
-pub struct NewestImage {
-    /// Its run and number in the run.
-    pub edition: (RunId, u32),
-    /// Its parts, ascending.
-    pub parts: BTreeMap<u16, Image>,
-    /// When the last part came.
-    at: Time,
-    /// What was found in the images before, oldest first.
-    pub earlier: VecDeque<EarlierFinds>,
-}
-
-/// What was found in an image that has given way to a newer one.
-#[derive(Clone, Debug)]
-pub struct EarlierFinds {
-    /// When its last part came.
-    pub at: Time,
-    /// Its run.
-    pub run: RunId,
-    /// After how many laps.
-    pub laps: u32,
-    /// What was found.
-    pub finds: Vec<Find>,
-}
-
-impl NewestImage {
-    /// Returns what was found in it and in those before it.
-    fn give_way(&mut self) -> VecDeque<EarlierFinds> {
-        let mut earlier = std::mem::take(&mut self.earlier);
-        let finds = self.parts.get(&0).map(|first| EarlierFinds {
-            at: self.at,
-            run: first.run,
-            laps: first.laps,
-            finds: first.finds.clone(),
-        });
-        earlier.extend(finds);
-        if earlier.len() > EARLIER_MAX {
-            earlier.pop_front();
-        }
-        earlier
-    }
-}
-
 /// The newest of everything.
 #[derive(Clone, Debug)]
 pub struct Board {
     venue_hash: u64,
     view: FleetView,
     map: Merged,
+    tile_changes: TileChanges,
     repair: Repair,
     plans: BTreeMap<VehicleId, Plan>,
     tracks: BTreeMap<VehicleId, Track>,
@@ -163,6 +120,7 @@ impl Board {
             venue_hash,
             view: FleetView::default(),
             map: Merged::new(lattice, None),
+            tile_changes: TileChanges::default(),
             repair: Repair::new(None),
             plans: BTreeMap::new(),
             tracks: BTreeMap::new(),
@@ -341,6 +299,11 @@ impl Board {
         &self.map
     }
 
+    /// Returns when the tiles of the map's layers changed last.
+    pub fn tile_changes(&self) -> &TileChanges {
+        &self.tile_changes
+    }
+
     /// Returns the cells of a tile of the merged map.
     pub fn tile(&self, address: TileAddress) -> Option<[i8; TILE_CELLS]> {
         self.map.values(address)
@@ -395,6 +358,7 @@ impl Board {
             .values()
             .map(|track| size_of_val(track.places()));
         self.map.bytes()
+            + self.tile_changes.bytes()
             + parts.map(pixels).sum::<usize>()
             + plans
             + places.sum::<usize>()
@@ -484,6 +448,7 @@ impl Board {
             Message::Tile(report) => {
                 // What is refused is the map's to judge; a listener has nobody to complain to.
                 if let Ok(JoinResult::Newer { .. }) = self.map.join(report) {
+                    self.tile_changes.hear(now, report);
                     self.changes.insert(Subject::Tile(report.address));
                 }
                 self.repair.pass(now, &self.map, report);
@@ -541,12 +506,7 @@ impl Board {
         if is_old {
             return;
         }
-        let fresh = |earlier| NewestImage {
-            edition,
-            parts: BTreeMap::new(),
-            at: now,
-            earlier,
-        };
+        let fresh = |earlier| NewestImage::new(now, edition, earlier);
         let newest = self.images.entry(image.subject);
         let newest = newest.or_insert_with(|| fresh(VecDeque::new()));
         if newest.edition != edition {

@@ -17,8 +17,10 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tomoswarm_proto::{Message, StopScope};
 
+pub use self::looks::CellQuestion;
 use super::board::{Board, BoardInput, Subject};
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
+use super::ghost::Ghost;
 use super::history::History;
 use super::links::LinkBook;
 use super::marks::MarkOrder;
@@ -109,6 +111,8 @@ pub struct PageServer {
     marked: Option<u64>,
     /// What stands in the scene of a simulation, JSON; empty = it is not known.
     mesh: String,
+    /// Where the vehicles of another run were, JSON; empty = there is none.
+    ghost: String,
     /// What is set, TOML with the meaning of each key.
     settings: String,
     /// The links of all runs, as far as their samples were heard.
@@ -136,6 +140,7 @@ impl PageServer {
             is_over: false,
             marked: None,
             mesh: String::new(),
+            ghost: String::new(),
             links: LinkBook::default(),
             imaging: None,
             effects: Vec::new(),
@@ -174,6 +179,12 @@ impl PageServer {
     /// Takes what stands in the scene of a simulation ([`super::scene_mesh::scene_mesh`]).
     pub fn set_mesh(&mut self, mesh: String) {
         self.mesh = mesh;
+    }
+
+    /// Takes another run, to be shown beside one that began at a moment.
+    pub fn set_ghost(&mut self, ghost: &Ghost, began: Time) {
+        self.place["ghost"] = ghost.about();
+        self.ghost = ghost.beside(began);
     }
 
     /// Takes what is set beside the venue, in place of that.

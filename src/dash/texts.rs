@@ -11,9 +11,10 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
-use super::board::{Board, EarlierFinds};
+use super::board::Board;
 use super::events::Event;
 use super::marks::{GivenMark, MarkState};
+use super::newest_image::EarlierFinds;
 use super::orders::GivenOrder;
 use super::outbox::Shown;
 use super::records::{MODES, STANDS_UNDER, subject_number};
@@ -58,6 +59,7 @@ pub fn place(venue: &Venue, showing: Showing) -> Value {
         "showing": showing.word(),
         "venue": venue.name,
         "cell_m": venue.cell_m,
+        "slices_m": venue.slice_borders_m,
         "xAxis_deg": venue.x_axis_bearing_deg,
         "area": [point(venue.area.min), point(venue.area.max)],
         "fence": venue.fence.corners().iter().map(|at| point(*at)).collect::<Vec<_>>(),
@@ -111,6 +113,7 @@ pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
         json!({
             "at": position(find.at),
             "sd_m": find.covariance.map(deviation_m),
+            "ellipse": find.covariance.map(ellipse),
             "strength_dbpm": f64::from(find.strength_udb_per_m) / 1e6,
             "probability": find.probability.map(|share| share.fraction()),
         })
@@ -128,10 +131,29 @@ pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
         "subject": subject_number(subject),
         "run": image.run.0,
         "sequence": image.sequence,
+        "laps": image.laps,
+        "at_s": tenths(newest.begun.as_secs_f64()),
         "finds": all,
         "earlier": newest.earlier.iter().map(earlier).collect::<Vec<_>>(),
     });
     Some(text.to_string())
+}
+
+/// Returns the ellipse of one standard deviation: half its axes, and how far the longer one is turned from the x axis.
+fn ellipse(covariance: Covariance) -> Value {
+    let [xx, xy, yy] = [
+        f64::from(covariance.xx_mm2),
+        f64::from(covariance.xy_mm2),
+        f64::from(covariance.yy_mm2),
+    ];
+    let (middle, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
+    let away = libm::hypot(half, xy);
+    let metres = |variance: f64| libm::sqrt(variance.max(0.0)) / 1000.0;
+    json!({
+        "major_m": metres(middle + away),
+        "minor_m": metres(middle - away),
+        "angle_rad": libm::atan2(xy, half) / 2.0,
+    })
 }
 
 /// Returns how a vehicle fares.
@@ -465,4 +487,35 @@ fn position(at: Position) -> [f64; 2] {
 
 fn route(places: &[Position]) -> Vec<[f64; 2]> {
     places.iter().map(|at| position(*at)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ellipse_has_the_axes_of_its_covariance() {
+        let of = |xx_mm2, xy_mm2, yy_mm2| {
+            let read = ellipse(Covariance {
+                xx_mm2,
+                xy_mm2,
+                yy_mm2,
+            });
+            ["major_m", "minor_m", "angle_rad"].map(|key| read[key].as_f64().unwrap())
+        };
+        let turn = std::f64::consts::FRAC_PI_4;
+        for (read, expected) in [
+            (of(90_000, 0, 40_000), [0.3, 0.2, 0.0]),
+            (of(40_000, 0, 90_000), [0.3, 0.2, 2.0 * turn]),
+            // 0.5 m along the diagonal and 0.1 m across it.
+            (of(130_000, 120_000, 130_000), [0.5, 0.1, turn]),
+            (of(130_000, -120_000, 130_000), [0.5, 0.1, -turn]),
+            // What cannot be is flat, and no square root of less than nothing.
+            (of(10_000, 20_000, 10_000), [0.173_205, 0.0, turn]),
+        ] {
+            for (one, other) in read.iter().zip(expected) {
+                assert!((one - other).abs() < 1e-6, "{read:?} is not {expected:?}");
+            }
+        }
+    }
 }

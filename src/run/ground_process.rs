@@ -7,6 +7,7 @@
 //! knows it: it closes no run, and is silent about what it has, so that vehicles send everything again afterwards.
 
 mod archive;
+mod newcomers;
 mod store_thread;
 mod utc;
 
@@ -14,10 +15,12 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
-use tomoswarm_proto::{Boot, GroundReport, Message, Sender, VehicleId, codec};
+use tomoswarm_proto::{Boot, GroundReport, Hello, Message, Sender, VehicleId, codec};
 
 use self::archive::Archive;
+use self::newcomers::Newcomers;
 use self::store_thread::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
 use super::mailbox::{Troubles, lock};
@@ -148,6 +151,7 @@ pub fn run(
         node: node.clone(),
         store: to_store.clone(),
         expected: expected(file),
+        newcomers: Mutex::default(),
     };
     let mut member = process.join(bus, hello, move |sender, message| {
         subscriber.take(sender, message)
@@ -272,6 +276,8 @@ struct Subscriber {
     node: LiveGround,
     store: SyncSender<StoreJob>,
     expected: BTreeSet<VehicleId>,
+    /// Operators that are told what is marked.
+    newcomers: Mutex<Newcomers>,
 }
 
 impl Subscriber {
@@ -293,6 +299,16 @@ impl Subscriber {
         is_own && about.is_none_or(|vehicle| self.expected.contains(&vehicle))
     }
 
+    /// Has an operator who has just come told what is marked.
+    fn tell_marks(&self, hello: &Hello) {
+        let mut newcomers = lock(&self.newcomers);
+        let is_new = newcomers.greets(Instant::now(), hello.instance);
+        if is_new && self.store.try_send(StoreJob::TellMarks).is_err() {
+            // The store cannot keep pace.
+            newcomers.forget(hello.instance);
+        }
+    }
+
     /// Samples and what else is stored first go to the store, but nothing of strangers.
     fn take(&self, sender: Sender, message: Message) {
         if !self.is_of_swarm(sender, &message) {
@@ -310,8 +326,9 @@ impl Subscriber {
                             hello.software,
                         )));
                     }
-                    // It names the lease that it holds.
                     Sender::Operator(_) => {
+                        self.tell_marks(&hello);
+                        // It names the lease that it holds.
                         self.node.tell(Event::Bus(sender, Message::Hello(hello)))
                     }
                     Sender::Ground => {}

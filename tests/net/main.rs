@@ -40,6 +40,8 @@ mod page_marks;
 #[cfg(feature = "dash")]
 mod page_process;
 #[cfg(feature = "dash")]
+mod page_scene;
+#[cfg(feature = "dash")]
 mod page_tls;
 mod partitions;
 mod python;

@@ -51,7 +51,7 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
     let Some(mut browser) = Browser::open(1440, 900) else {
         return;
     };
-    let (swarm, dash) = driving();
+    let (mut swarm, dash) = driving();
     browser.go(&dash.operate);
     browser.until("tomoswarm.model.ground?.run === 1", 20);
 
@@ -98,6 +98,7 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
     );
     every_control_has_a_name(&mut browser);
     shot(&mut browser, "marks");
+    seen_in_three_dimensions(&mut browser);
 
     browser.eval(
         "[...document.querySelectorAll('#mark-list button')].find((b) => b.getAttribute('aria-label').includes('x 1.25, y 5.00')).click()",
@@ -111,6 +112,48 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
 
     before_the_last(&mut browser);
     assert_eq!(browser.complaints, Vec::<String>::new());
+
+    // A page whose program begins late knows what was marked before.
+    let words = ["dash", "operator.toml", "--port", "0"];
+    swarm.kill("dash");
+    swarm.spawn("late", &words);
+    let late = Dash::of_log(&swarm.path("late.log"));
+    browser.go("about:blank");
+    browser.complaints.clear();
+    browser.go(&late.look);
+    until_known(&mut browser, &[[-0.5, 2.25], [3.0, 3.5]]);
+    assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+/// A mark is a post of its colour in three dimensions, with its word.
+fn seen_in_three_dimensions(browser: &mut Browser) {
+    browser.eval("document.getElementById('view-space').click()");
+    browser.until(
+        "tomoswarm.view.space?.layers.groups.get('marks')?.children.length >= 18",
+        10,
+    );
+    // Three marks, each with its word.
+    browser.until(
+        "[...tomoswarm.view.space.layers.labels.made.keys()].filter((key) => key.startsWith('12 marked')).length === 3",
+        5,
+    );
+    let post = browser.eval(
+        "(() => { const { canvas, camera } = tomoswarm.view.space;
+           const flat = document.createElement('canvas'); [flat.width, flat.height] = [canvas.width, canvas.height];
+           const pen = flat.getContext('2d'); pen.drawImage(canvas, 0, 0);
+           const at = camera.position.clone().set(3, 3.5, 1.0).project(camera);
+           const px = Math.round((at.x + 1) / 2 * flat.width), py = Math.round((1 - at.y) / 2 * flat.height);
+           const near = pen.getImageData(px - 3, py - 3, 7, 7).data, all = [];
+           for (let i = 0; i < near.length; i += 4) all.push([near[i], near[i + 1], near[i + 2]]);
+           return all; })()",
+    );
+    let is_of_mark = |of: &serde_json::Value| {
+        (0..3).all(|channel| of[channel].as_i64().unwrap().abs_diff(MARK[channel] as i64) <= 6)
+    };
+    let near = post.as_array().unwrap();
+    assert!(near.iter().any(is_of_mark), "{post}");
+    shot(browser, "marks_3d");
+    browser.eval("document.getElementById('view-plane').click()");
 }
 
 /// The log says what happened, and a moment before that shows what was known then; from there nothing is marked.

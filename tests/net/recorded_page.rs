@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use tomoswarm::config::{self, Sim};
 use tomoswarm::dash::board::{Board, BoardInput, Subject};
 use tomoswarm::dash::contents;
+use tomoswarm::dash::ghost::began;
 use tomoswarm::dash::history::History;
 use tomoswarm::dash::playback::Playback;
 use tomoswarm::dash::texts;
@@ -18,7 +19,7 @@ use tomoswarm::sim::Scenario;
 use tomoswarm::sim::bus::BusListener;
 use tomoswarm::store::recording::what_was_said;
 use tomoswarm::time::Time;
-use tomoswarm_proto::Sender;
+use tomoswarm_proto::{Message, Position, Sender, VehicleId};
 
 use crate::browser::Browser;
 use crate::dash::{Dash, shot, view};
@@ -34,9 +35,14 @@ fn tomoswarm(args: &[&str]) -> Command {
 
 /// Records the small scenario; returns the folder of its recordings.
 fn recorded(folder: &Path) -> PathBuf {
-    let run = folder.join("run");
+    recorded_as(folder, "run", &[])
+}
+
+/// Records it with further options, in a folder of a name.
+fn recorded_as(folder: &Path, name: &str, options: &[&str]) -> PathBuf {
+    let run = folder.join(name);
     let mut command = tomoswarm(&["sim", CONFIG, "--record", "--no-pictures", "--out"]);
-    let output = command.arg(&run).output().unwrap();
+    let output = command.arg(&run).args(options).output().unwrap();
     assert!(output.status.success(), "{output:?}");
     run.join("flight")
 }
@@ -49,8 +55,16 @@ struct Served {
 
 impl Served {
     fn start(folder: &Path) -> Served {
+        Served::beside(folder, None)
+    }
+
+    /// Beside another run.
+    fn beside(folder: &Path, other: Option<&Path>) -> Served {
         let mut command = tomoswarm(&["dash", "--port", "0", "--replay"]);
-        let command = command.arg(folder).stdout(Stdio::piped());
+        command.arg(folder).stdout(Stdio::piped());
+        if let Some(other) = other {
+            command.arg("--ghost").arg(other);
+        }
         let mut child = command.spawn().unwrap();
         let mut line = String::new();
         let mut out = BufReader::new(child.stdout.take().unwrap());
@@ -303,6 +317,105 @@ fn a_recording_is_shown_at_any_moment_and_speed_and_takes_no_orders() {
     );
     shot(&mut browser, "replay");
     assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn another_run_is_shown_beside_a_recording_at_the_same_time_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = recorded(folder.path());
+    let other = recorded_as(folder.path(), "other", &["--seed", "5"]);
+    let served = Served::beside(&run, Some(&other));
+    let heard = |flight: &Path| what_was_said(&files(flight)).unwrap().heard;
+    let (own, others) = (heard(&run), heard(&other));
+    let shift_s = began(&own).as_secs_f64() - began(&others).as_secs_f64();
+
+    let Some(mut browser) = Browser::open(1280, 800) else {
+        return;
+    };
+    browser.go(&served.dash.look);
+    browser.until("document.title.startsWith('REPLAY')", 10);
+    browser.until("!document.getElementById('ghost-choice').hidden", 5);
+    browser.until("tomoswarm.scene.ghost.ways?.length === 2", 10);
+    browser.until(
+        "Number(document.getElementById('time-at').max) > 100 && tomoswarm.model.states.size === 2",
+        20,
+    );
+    for at_s in [30.0, 60.0, 45.0] {
+        go_to(&mut browser, at_s);
+        let seen = browser.eval(
+            "tomoswarm.scene.ghost.vehicles().map(({ id, x, y, track }) => [id, x, y, track.length])",
+        );
+        for vehicle in seen.as_array().unwrap() {
+            let id = vehicle[0].as_u64().unwrap() as u8;
+            let expected = place_at(&others, id, at_s - shift_s);
+            let away = [1, 2].map(|axis| vehicle[axis].as_f64().unwrap() - expected[axis - 1]);
+            // Times go in tenths of a second, and between two of its poses it is on a straight line.
+            assert!(
+                libm::hypot(away[0], away[1]) < 0.35,
+                "{id} at {at_s} s: {vehicle} is not at {expected:?}"
+            );
+            assert!(vehicle[3].as_u64().unwrap() > 10, "{vehicle}");
+        }
+        assert_eq!(seen.as_array().unwrap().len(), 2);
+    }
+    shot(&mut browser, "ghost");
+    // Without its layer the scene is another one; in three dimensions it is there as well.
+    let drawn = "new Promise((drawn) => setTimeout(() => drawn(document.getElementById('plane').toDataURL()), 300))";
+    let with = browser.eval(drawn);
+    browser.eval("document.getElementById('layer-ghost').click()");
+    assert_ne!(browser.eval(drawn), with);
+    browser.eval("document.getElementById('layer-ghost').click()");
+    browser.key("v", "KeyV", 86);
+    browser.until(
+        "tomoswarm.view.space?.layers.groups.get('ghost')?.children.length === 6",
+        10,
+    );
+    shot(&mut browser, "ghost_3d");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    drop(browser);
+
+    // Of another venue, of nothing, and without a run beside which it could be shown: refused.
+    let elsewhere = folder.path().join("elsewhere");
+    let mut command = tomoswarm(&["sim", "--until", "20", "--record", "--no-pictures", "--out"]);
+    command.arg(&elsewhere).output().unwrap();
+    for (other, reason) in [
+        (elsewhere.join("flight"), "one file is expected"),
+        (folder.path().join("nowhere"), "nowhere"),
+    ] {
+        let mut command = tomoswarm(&["dash", "--port", "0", "--replay"]);
+        let output = command
+            .arg(&run)
+            .arg("--ghost")
+            .arg(other)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(reason), "{reason}: {said}");
+    }
+    let output = tomoswarm(&["dash", "operator.toml", "--ghost"])
+        .arg(&other)
+        .output();
+    assert_eq!(output.unwrap().status.code(), Some(2));
+}
+
+/// Where a vehicle was at a time of its run, between the two places that it said then, metres.
+fn place_at(run: &[(Time, HeardMessage)], id: u8, at_s: f64) -> [f64; 2] {
+    let said = run.iter().filter_map(|(at, heard)| match heard {
+        HeardMessage::Message(_, Message::State(state)) if state.vehicle == VehicleId(id) => {
+            Some((at.as_secs_f64(), state.pose?.at))
+        }
+        _ => None,
+    });
+    let said: Vec<(f64, Position)> = said.collect();
+    let next = said.partition_point(|(at, _)| *at <= at_s);
+    let (one, other) = (said[next - 1], said[next]);
+    let share = (at_s - one.0) / (other.0 - one.0);
+    let between = |from: f64, to: f64| from + share * (to - from);
+    [
+        between(one.1.x_m(), other.1.x_m()),
+        between(one.1.y_m(), other.1.y_m()),
+    ]
 }
 
 /// What the program says to `dash --replay` of a path.

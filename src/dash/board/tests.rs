@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use tomoswarm_proto::{
-    Boot, Digest, LayerDigest, LayerId, Position, Rectangle, Revision, TileReport,
+    Boot, Digest, LayerDigest, LayerId, Position, Rectangle, Revision, RunId, TileReport,
 };
 
 use super::*;
+use crate::dash::newest_image::EARLIER_MAX;
 use crate::operator::tests_support::{at, heard, state};
 
 const LAYER: LayerId = LayerId {

@@ -1,5 +1,5 @@
-//! What is answered to whoever may look, beside the feed: metrics, the checks before a start, what stands in a simulation, what is
-//! set, files, and which links made a pixel. Each judges the token first, and changes nothing.
+//! What is answered to whoever may look, beside the feed: metrics, the checks before a start, what stands in a simulation, who has
+//! seen a cell, what is set, files, and which links made a pixel. Each judges the token first, and changes nothing.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,8 @@ use serde_json::json;
 use tomoswarm_proto::{ImageSubject, RunId};
 
 use super::PageServer;
-use crate::dash::gate::GateRefusal;
+use crate::dash::cell_view::cell;
+use crate::dash::gate::{GateRefusal, PageId};
 use crate::dash::heard_files::HeardFiles;
 use crate::dash::metrics::metrics;
 use crate::dash::run_files::{MissionFormat, exported, places_of, waypoints};
@@ -18,7 +19,37 @@ use crate::operator::status::Expected;
 use crate::time::Time;
 use crate::tomo::{ImagingSettings, links_csv};
 
+/// Which cell is asked for.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct CellQuestion {
+    /// A place in it.
+    pub at: Point,
+    /// Of one slice of altitude; `None` = of all.
+    pub slice: Option<i16>,
+    /// By which page: what one is told that looks at another time is what was known then.
+    pub page: Option<PageId>,
+}
+
 impl PageServer {
+    /// Returns who has seen a cell, what each says and since when, as JSON, for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn cell(
+        &self,
+        now: Time,
+        authorization: Option<&str>,
+        asked: CellQuestion,
+    ) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let page = asked.page.and_then(|id| self.pages.get(&id));
+        let (at, board) = match page.and_then(|page| page.playback.as_ref()) {
+            Some(playback) => (playback.moment(&self.history, now), playback.board()),
+            None => (self.present(now), &self.board),
+        };
+        Ok(cell(at, board, asked.at, asked.slice))
+    }
+
     /// Returns the metrics for whoever may look.
     ///
     /// # Errors
@@ -39,6 +70,20 @@ impl PageServer {
             return Err(GateRefusal::Unreadable(reason.to_owned()));
         }
         Ok(self.mesh.clone())
+    }
+
+    /// Returns where the vehicles of another run were ([`Ghost::beside`](crate::dash::ghost::Ghost::beside)), for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's; there is no other run.
+    pub fn ghost(&self, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        if self.ghost.is_empty() {
+            let reason =
+                "no other run is shown beside this one: dash --replay FOLDER --ghost FOLDER";
+            return Err(GateRefusal::Unreadable(reason.to_owned()));
+        }
+        Ok(self.ghost.clone())
     }
 
     /// Returns what is set, TOML with the meaning of each key, for whoever may look.

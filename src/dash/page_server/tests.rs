@@ -11,7 +11,8 @@ use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::outcome::OrderOutcome;
 use crate::operator::tests_support::{at, heard, report, state};
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Mark, OpenStops, OperatorId, Position, RunId, Sender, VehicleId,
+    Boot, EmergencyName, EmergencyStop, LayerId, Mark, OpenStops, OperatorId, Position, RunId,
+    Sender, TileAddress, TileReport, VehicleId,
 };
 
 const LOOK: &str = "00112233445566778899aabbccddeeff";
@@ -760,4 +761,61 @@ proptest! {
         let expected = heard_at.iter().filter(|(_, told)| is_told(*told)).map(|(vehicle, _)| *vehicle);
         prop_assert_eq!(&reader.vehicles, &expected.collect::<BTreeSet<u8>>(), "{}", moment);
     }
+}
+
+/// What is said of the cell at (0.05, 0.05) to a page: the vehicle, what it says, since how long.
+fn told_of_cell(server: &PageServer, page: Option<PageId>) -> Vec<(u64, String, f64)> {
+    let asked = CellQuestion {
+        at: crate::geom::Point::new(0.05, 0.05),
+        slice: Some(0),
+        page,
+    };
+    let header = format!("Bearer {LOOK}");
+    let text = server.cell(at(11.0), Some(&header), asked).unwrap();
+    let read: Value = serde_json::from_str(&text).unwrap();
+    let row = |row: &Value| {
+        let word = row["says"].as_str().unwrap().to_owned();
+        (
+            row["vehicle"].as_u64().unwrap(),
+            word,
+            row["age_s"].as_f64().unwrap(),
+        )
+    };
+    read["told"].as_array().unwrap().iter().map(row).collect()
+}
+
+#[test]
+fn who_has_seen_a_cell_is_told_of_the_moment_that_a_page_looks_at() {
+    let mut server = server();
+    for (at_s, vehicle, value) in [(1.0, 1, 9), (5.0, 2, -17), (8.0, 1, -17)] {
+        let tile = TileReport {
+            layer: LayerId {
+                vehicle: VehicleId(vehicle),
+                boot: Boot(1),
+            },
+            address: TileAddress::default(),
+            revision: at_s as u32,
+            cells: std::sync::Arc::new([value; 1024]),
+        };
+        server.hear(at(at_s), &heard(Message::Tile(tile)));
+    }
+    let one = page(&mut server, 11.0, LOOK);
+    let two = page(&mut server, 11.0, LOOK);
+    drawn(&mut server, one, 11.0);
+    show(&mut server, one, 11.0, r#"{"past":{"at_s":6,"speed":0}}"#);
+    drawn(&mut server, one, 11.0);
+    let free = |vehicle, age_s| (vehicle, "free".to_owned(), age_s);
+    let then = [free(2, 1.0), (1, "occupied".to_owned(), 5.0)];
+    assert_eq!(told_of_cell(&server, Some(one)), then);
+    let now = [free(1, 3.0), free(2, 6.0)];
+    for page in [Some(two), None, Some(PageId(77))] {
+        assert_eq!(told_of_cell(&server, page), now);
+    }
+    let asked = CellQuestion {
+        at: crate::geom::Point::new(0.0, 0.0),
+        slice: None,
+        page: None,
+    };
+    let refused = server.cell(at(11.0), Some("Bearer nonsense"), asked);
+    assert_eq!(refused, Err(GateRefusal::Token));
 }

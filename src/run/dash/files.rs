@@ -22,16 +22,19 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILE_COUNT: usize = 31;
+const FILE_COUNT: usize = 35;
 const FILES: [PageFile; FILE_COUNT] = [
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
     file("begin.js", include_bytes!("../../../web/begin.js")),
+    file("cell.js", include_bytes!("../../../web/cell.js")),
     file("decode.js", include_bytes!("../../../web/decode.js")),
     file("draw.js", include_bytes!("../../../web/draw.js")),
     file("feed.js", include_bytes!("../../../web/feed.js")),
+    file("finds.js", include_bytes!("../../../web/finds.js")),
     file("fleet.js", include_bytes!("../../../web/fleet.js")),
     file("frames.js", include_bytes!("../../../web/frames.js")),
+    file("ghost.js", include_bytes!("../../../web/ghost.js")),
     file("icon.svg", include_bytes!("../../../web/icon.svg")),
     file("image.js", include_bytes!("../../../web/image.js")),
     file("index.html", include_bytes!("../../../web/index.html")),
@@ -50,6 +53,7 @@ const FILES: [PageFile; FILE_COUNT] = [
     file("stop.js", include_bytes!("../../../web/stop.js")),
     file("tabs.js", include_bytes!("../../../web/tabs.js")),
     file("theme.js", include_bytes!("../../../web/theme.js")),
+    file("tiles.js", include_bytes!("../../../web/tiles.js")),
     file("time.js", include_bytes!("../../../web/time.js")),
     file("vehicle3d.js", include_bytes!("../../../web/vehicle3d.js")),
     file(

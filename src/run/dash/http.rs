@@ -24,10 +24,13 @@ use tokio::sync::{mpsc, oneshot};
 use tokio_rustls::rustls::ServerConfig;
 use tomoswarm_proto::RunId;
 
-use self::looks::{export, links, mesh, metrics, places, preflight, settings, waypoints, why};
+use self::looks::{
+    cell, export, ghost, links, mesh, metrics, places, preflight, settings, waypoints, why,
+};
 use super::files;
 use super::tls::TlsListener;
 use crate::dash::gate::{GateRefusal, INBOUND_MAX, OwnNames, PageId};
+use crate::dash::page_server::CellQuestion;
 use crate::dash::run_files::MissionFormat;
 
 /// Frames that wait for a page's connection; more are never on their way to it.
@@ -146,6 +149,10 @@ pub(super) enum LookWord {
     Preflight,
     /// What stands in the scene of a simulation, JSON.
     Mesh,
+    /// Where the vehicles of another run were, JSON.
+    Ghost,
+    /// Who has seen a cell of the map, JSON.
+    Cell(CellQuestion),
     /// What is set, TOML with the meaning of each key.
     Settings,
     /// The links of a run, CSV.
@@ -271,6 +278,8 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/metrics", get(metrics))
         .route("/preflight", get(preflight))
         .route("/mesh", get(mesh))
+        .route("/cell", get(cell))
+        .route("/ghost", get(ghost))
         .route("/settings", get(settings))
         .route("/links", get(links))
         .route("/export", get(export))

@@ -221,6 +221,8 @@ impl Pages {
                     LookWord::Metrics => self.server.metrics(now, token),
                     LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
                     LookWord::Mesh => self.server.mesh(token),
+                    LookWord::Ghost => self.server.ghost(token),
+                    LookWord::Cell(asked) => self.server.cell(now, token, asked),
                     LookWord::Settings => self.server.settings(token),
                     LookWord::Links(run) => self.server.links(token, RunId(run)),
                     LookWord::Waypoints(places, format) => {

@@ -1,4 +1,5 @@
-//! The page of a recording in this process: what was said is told to the page's server, and then pages look at any moment of it.
+//! The page of a recording in this process: what was said is told to the page's server, and then pages look at any moment of it,
+//! perhaps beside another run.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -7,6 +8,7 @@ use super::super::clock::Clock;
 use super::pages::{self, Pages};
 use super::{DashError, PageAddress, simulated};
 use crate::config::Venue;
+use crate::dash::ghost::{self, Ghost};
 use crate::dash::texts::{Showing, place};
 use crate::operator::HeardMessage;
 use crate::time::Time;
@@ -19,17 +21,22 @@ pub struct RecordedPage {
 }
 
 impl RecordedPage {
-    /// Listens on a port of this machine (0 = any) and serves what was said in a run, ascending in time.
+    /// Listens on a port of this machine (0 = any) and serves what was said in a run, ascending in time, beside another run if
+    /// there is one.
     ///
     /// # Errors
     /// [`DashError`].
     pub fn start(
         venue: &Venue,
         port: u16,
-        run: impl IntoIterator<Item = (Time, HeardMessage)>,
+        run: Vec<(Time, HeardMessage)>,
+        other: Option<&Ghost>,
     ) -> Result<RecordedPage, DashError> {
         let listening = pages::listen(&PageAddress::on_this_machine(port))?;
         let (mut server, look) = simulated::looking_only(venue, place(venue, Showing::Replay))?;
+        if let Some(other) = other {
+            server.set_ghost(other, ghost::began(&run));
+        }
         for (at, heard) in run {
             server.hear(at, &heard);
             server.show_moment(at);

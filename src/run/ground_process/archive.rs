@@ -155,6 +155,15 @@ impl Archive {
         self.place.is_there() && self.write("marks", |store| store.keep_mark(mark))
     }
 
+    /// Returns the marks of the newest runs, so many at most, the last one first; none where they cannot be read.
+    pub(super) fn newest_marks(&self, most: usize) -> Vec<Mark> {
+        let marks = lock(&self.disk).store.newest_marks(most);
+        marks.unwrap_or_else(|error| {
+            tracing::warn!("no marks can be read: {error}");
+            Vec::new()
+        })
+    }
+
     /// Notes how a vehicle's clock stands; a later estimate replaces it.
     pub(super) fn hold_clock(&self, vehicle: VehicleId, boot: Boot, clock: UtcOffset) {
         lock(&self.waiting).clocks.insert(vehicle, (boot, clock));

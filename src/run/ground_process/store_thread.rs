@@ -19,6 +19,10 @@ const GROUP: Duration = Duration::from_millis(50);
 const GROUP_MOST: usize = 32;
 /// Samples that are written at once, unless one batch has more: about 20 ms.
 const SAMPLES_MOST: usize = 2000;
+/// Marks that an operator who has just come is told at most: those of the newest runs.
+const MARKS_TOLD_MAX: usize = 50;
+/// They are told this often at most, however many come.
+const MARKS_EVERY: Duration = Duration::from_secs(1);
 /// Tiles are stored this often, and what could not be stored is tried again.
 const EVERY: Duration = Duration::from_secs(2);
 
@@ -28,6 +32,8 @@ pub(super) enum StoreJob {
     Tile(TileReport),
     Software(VehicleId, Boot, String),
     Mark(Sender, Mark),
+    /// An operator has come who does not know what is marked.
+    TellMarks,
     /// Nothing more: what came before is stored, and the thread ends.
     End,
 }
@@ -48,6 +54,8 @@ pub(super) fn keeper(
             is_well: true,
             unstored: Vec::new(),
             clocks: Clocks::default(),
+            marks_wanted: false,
+            marks_told: None,
         };
         loop {
             let first = match wanted.recv_timeout(GROUP) {
@@ -82,6 +90,9 @@ struct StoreThread<T> {
     /// The last group of samples, if it could not be stored; earlier ones their vehicles repeat.
     unstored: Vec<Samples>,
     clocks: Clocks,
+    /// An operator has come and was told no marks yet.
+    marks_wanted: bool,
+    marks_told: Option<Instant>,
 }
 
 impl<T: Fn(Event)> StoreThread<T> {
@@ -107,10 +118,12 @@ impl<T: Fn(Event)> StoreThread<T> {
                         (self.tell)(Event::Bus(sender, Message::Mark(mark)));
                     }
                 }
+                StoreJob::TellMarks => self.marks_wanted = true,
                 StoreJob::End => {}
             }
         }
         self.keep_samples(batches);
+        self.tell_marks();
         let is_due = self.tried.elapsed() >= EVERY;
         if is_due {
             let again = std::mem::take(&mut self.unstored);
@@ -122,6 +135,20 @@ impl<T: Fn(Event)> StoreThread<T> {
         }
         if is_due {
             self.tried = Instant::now();
+        }
+    }
+
+    /// Has the station say again what is marked, when somebody has come who does not know it.
+    fn tell_marks(&mut self) {
+        let is_soon = self
+            .marks_told
+            .is_some_and(|told| told.elapsed() < MARKS_EVERY);
+        if !self.marks_wanted || is_soon {
+            return;
+        }
+        (self.marks_wanted, self.marks_told) = (false, Some(Instant::now()));
+        for mark in self.archive.newest_marks(MARKS_TOLD_MAX) {
+            (self.tell)(Event::Bus(Sender::Ground, Message::Mark(mark)));
         }
     }
 

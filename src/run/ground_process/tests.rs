@@ -1,7 +1,7 @@
 //! What the ground's process says and stores, also when its disk is in trouble.
 
 use tomoswarm_proto::{
-    Deviation, Heading, Plan, PoseReport, Position, Revision, RunId, Sample, Samples,
+    Deviation, Heading, Mark, Plan, PoseReport, Position, Revision, RunId, Sample, Samples,
 };
 
 use super::super::state_dir::FolderPlace;
@@ -220,4 +220,48 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         station.samples().have(&BTreeSet::new(), 0).watermarks.len(),
         1
     );
+}
+
+#[test]
+fn who_comes_is_told_the_last_marks_and_however_many_come_they_are_told_once_a_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let archive = Arc::new(archive(folder.path(), Troubles::default()));
+    let mark = |run: u32, x_mm: i32| Mark {
+        run: RunId(run),
+        at: Position {
+            x_mm,
+            ..Position::default()
+        },
+        stands: true,
+    };
+    for place in 0..40 {
+        assert!(archive.keep_mark(mark(1, place)) && archive.keep_mark(mark(2, place)));
+    }
+    let (to_store, wanted) = sync_channel(64);
+    let (told, events) = std::sync::mpsc::channel();
+    let keeper = keeper(archive, wanted, move |event| drop(told.send(event))).unwrap();
+    let began = std::time::Instant::now();
+    for _ in 0..30 {
+        to_store.send(StoreJob::TellMarks).unwrap();
+    }
+    let next = || {
+        let event = events.recv_timeout(std::time::Duration::from_secs(20));
+        match event.unwrap() {
+            Event::Bus(Sender::Ground, Message::Mark(mark)) => mark,
+            other => panic!("{other:?}"),
+        }
+    };
+    let first: Vec<Mark> = (0..50).map(|_| next()).collect();
+    assert!(first[..40].iter().all(|mark| mark.run == RunId(2)));
+    assert!(first[40..].iter().all(|mark| mark.run == RunId(1)));
+    // Those who come after that are told together, a second later.
+    for _ in 0..30 {
+        to_store.send(StoreJob::TellMarks).unwrap();
+    }
+    let again: Vec<Mark> = (0..50).map(|_| next()).collect();
+    assert_eq!(again, first);
+    assert!(began.elapsed() >= std::time::Duration::from_secs(1));
+    to_store.send(StoreJob::End).unwrap();
+    keeper.join().unwrap();
+    assert!(events.try_recv().is_err(), "nothing more was said");
 }

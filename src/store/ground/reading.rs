@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use rusqlite::{OptionalExtension, Row, params};
 use serde::Deserialize;
 use tomoswarm_proto::{
-    Boot, LayerId, RunId, Samples, TILE_CELLS, TileAddress, TileReport, VehicleId,
+    Boot, LayerId, Mark, Position, RunId, Samples, TILE_CELLS, TileAddress, TileReport, VehicleId,
 };
 
 use super::{GroundStore, MEMORY, UtcOffset, schema};
@@ -244,6 +244,25 @@ impl GroundStore {
                     empty: row.get::<_, Option<u32>>(1)?.map(RunId),
                     began_utc_s: row.get(2)?,
                     closed_utc_s: row.get(3)?,
+                })
+            })?;
+            rows.collect()
+        })
+    }
+
+    /// Returns the marks of the newest runs, so many at most, the last that was marked first.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn newest_marks(&self, most: usize) -> Result<Vec<Mark>, StoreError> {
+        self.read(|store| {
+            let query = "SELECT run, x_m, y_m, z_m FROM marks ORDER BY run DESC, marked_utc_s DESC, x_m, y_m LIMIT ?";
+            let mut statement = store.connection.prepare(query)?;
+            let rows = statement.query_map([most as i64], |row| {
+                Ok(Mark {
+                    run: RunId(row.get(0)?),
+                    at: Position::from_metres(row.get(1)?, row.get(2)?, row.get(3)?),
+                    stands: true,
                 })
             })?;
             rows.collect()

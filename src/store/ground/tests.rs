@@ -262,6 +262,9 @@ fn a_place_is_marked_once_and_can_be_taken_back() {
         (places(&store, 2), places(&store, 3)),
         (vec![here, there], vec![here])
     );
+    let newest = [mark_at(3, 1000), mark_at(2, 4000), mark];
+    assert_eq!(store.newest_marks(9).unwrap(), newest);
+    assert_eq!(store.newest_marks(2).unwrap(), newest[..2]);
     let back = Mark {
         stands: false,
         ..mark

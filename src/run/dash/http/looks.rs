@@ -1,4 +1,4 @@
-//! Answers that change nothing: metrics, checks, settings, files. Whoever asks must say a token of the server.
+//! Answers that change nothing: metrics, checks, settings, files, who has seen a cell. Whoever asks must say a token of the server.
 
 use std::sync::Arc;
 
@@ -9,7 +9,11 @@ use axum::http::{StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use tomoswarm_proto::RunId;
 
-use super::{GateRefusal, JSON_TYPE, LookWord, MissionFormat, Request, Shared, ask, only, refused};
+use super::{
+    CellQuestion, GateRefusal, JSON_TYPE, LookWord, MissionFormat, PageId, Request, Shared, ask,
+    only, refused,
+};
+use crate::geom::Point;
 
 /// Text as it is.
 const PLAIN_TYPE: &str = "text/plain; charset=utf-8";
@@ -30,8 +34,49 @@ pub(super) async fn mesh(State(shared): State<Arc<Shared>>, headers: HeaderMap) 
     look(&shared, LookWord::Mesh, &headers, JSON_TYPE).await
 }
 
+pub(super) async fn ghost(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Ghost, &headers, JSON_TYPE).await
+}
+
 pub(super) async fn settings(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     look(&shared, LookWord::Settings, &headers, PLAIN_TYPE).await
+}
+
+/// Who has seen a cell: `x=METRES&y=METRES`, perhaps `slice=NUMBER` and `page=NUMBER`.
+pub(super) async fn cell(
+    State(shared): State<Arc<Shared>>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Response {
+    match cell_asked(&uri) {
+        Some(asked) => look(&shared, LookWord::Cell(asked), &headers, JSON_TYPE).await,
+        None => {
+            let expected =
+                "x=METRES&y=METRES is expected, and perhaps slice=NUMBER and page=NUMBER";
+            refused(&GateRefusal::Unreadable(expected.to_owned()))
+        }
+    }
+}
+
+fn cell_asked(uri: &Uri) -> Option<CellQuestion> {
+    let metres = |key| {
+        let metres: f64 = value_of(uri, key)?.parse().ok()?;
+        metres.is_finite().then_some(metres)
+    };
+    // What is there must be a number.
+    let slice = value_of(uri, "slice").map(str::parse).transpose().ok()?;
+    let page = value_of(uri, "page").map(str::parse).transpose().ok()?;
+    Some(CellQuestion {
+        at: Point::new(metres("x")?, metres("y")?),
+        slice,
+        page: page.map(PageId),
+    })
+}
+
+/// Returns what a key has in an address.
+fn value_of<'a>(uri: &'a Uri, key: &str) -> Option<&'a str> {
+    let mut pairs = uri.query().unwrap_or_default().split('&');
+    pairs.find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='))
 }
 
 pub(super) async fn links(
@@ -129,15 +174,11 @@ pub(super) async fn export(
     uri: Uri,
     headers: HeaderMap,
 ) -> Response {
-    let value = |key: &str| {
-        let mut pairs = uri.query().unwrap_or_default().split('&');
-        pairs.find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='))
-    };
-    let Some(run) = value("run").and_then(|run| run.parse().ok()) else {
+    let Some(run) = value_of(&uri, "run").and_then(|run| run.parse().ok()) else {
         let expected = "run=NUMBER is expected, and perhaps file=NAME";
         return refused(&GateRefusal::Unreadable(expected.to_owned()));
     };
-    let name = value("file").map(str::to_owned);
+    let name = value_of(&uri, "file").map(str::to_owned);
     let kind = match name {
         Some(_) => "application/octet-stream",
         None => JSON_TYPE,
