@@ -415,7 +415,8 @@ impl SensorCoverage {
                 left_out: "3, less for beams that see nothing beside the vehicle",
                 allowed: 0.1..=200.0,
                 means: "up to here no echo means that nothing is there; at most (`radius_m` + `padding_m`) / cos \
-                        `incidence_limit_deg` for beams that see nothing beside the vehicle, see below",
+                        `incidence_limit_deg` for beams that see nothing beside the vehicle, and above 3 for quick rounds of all beams \
+                        only, see below",
             },
         );
         *sure_range_m = sure.unwrap_or(SURE_RANGE_M);
