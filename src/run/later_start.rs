@@ -460,10 +460,9 @@ mod tests {
             start.later.measure(RunId(1), sequence);
         }
         start.later.say(40);
-        start.later.hear(BEGINNING, &have(&[(start.after(0), 7)]));
         let newest = seen(start.after(0), 40);
         start.later.hear(BEGINNING, &order(3, newest));
-        assert_eq!(start.end(), None, "others have what it has done");
+        assert_eq!(start.end(), None, "others know what it has done");
         start.later.hear(BEGINNING, &have(&[(start.after(0), 300)]));
         let reason = start.end().unwrap();
         let said = format!("of start {own} of this vehicle what this one has not done");
