@@ -14,9 +14,9 @@ use crate::swarm::Swarm;
 /// Which view of the scene is pressed.
 const SHOWN: &str = "document.querySelector('.choice [aria-pressed=true]').id.replace('view-', '')";
 
-/// A simulation that is over, seen in a browser some seconds before its end.
-fn looked_at(folder: &Path, options: &str) -> Option<(SimulationWithPage, Browser)> {
-    let mut browser = Browser::open_with(1280, 800, options)?;
+/// A simulation that is over, seen in a browser at its end.
+pub fn looked_at(folder: &Path) -> Option<(SimulationWithPage, Browser)> {
+    let mut browser = Browser::open(1280, 800)?;
     let mut simulation = SimulationWithPage::start(folder, &[]);
     simulation.until_written();
     browser.go(&simulation.dash.look);
@@ -93,7 +93,7 @@ fn fly(browser: &mut Browser, letter: char) -> [f64; 4] {
 #[test]
 fn in_three_dimensions_walls_differ_from_ground_and_keys_fly_ride_and_lead_back() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((_simulation, mut browser)) = looked_at(folder.path(), "") else {
+    let Some((_simulation, mut browser)) = looked_at(folder.path()) else {
         return;
     };
     key(&mut browser, 'v');
@@ -172,7 +172,7 @@ const VALUE: &str = "Number(document.getElementById('why-result').textContent.ma
 #[test]
 fn a_click_on_the_image_says_which_links_made_the_pixel_and_their_shares_add_up_to_it() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((_simulation, mut browser)) = looked_at(folder.path(), "") else {
+    let Some((_simulation, mut browser)) = looked_at(folder.path()) else {
         return;
     };
     view(&mut browser, "image");

@@ -8,26 +8,12 @@ use tomoswarm_proto::TILE_CELLS;
 
 use crate::browser::Browser;
 use crate::dash::{Dash, every_control_has_a_name, pixel, shot, view};
-use crate::sim_page::SimulationWithPage;
+use crate::page_3d::looked_at;
 
 /// A tile is this wide: 32 cells of 0.2 m.
 const TILE_M: f64 = 6.4;
 /// What is said of a cell.
 const SAID: &str = "document.getElementById('cell').innerText";
-
-/// A simulation that is over, seen in a browser at its end.
-fn looked_at(folder: &std::path::Path, width: u32) -> Option<(SimulationWithPage, Browser)> {
-    let mut browser = Browser::open(width, 800)?;
-    let mut simulation = SimulationWithPage::start(folder, &[]);
-    simulation.until_written();
-    browser.go(&simulation.dash.look);
-    browser.until(
-        "tomoswarm.model.images.has(1) && tomoswarm.model.states.size === 2",
-        20,
-    );
-    browser.until("tomoswarm.model.moment.to_s > 100", 10);
-    Some((simulation, browser))
-}
 
 /// Asks the server for a cell.
 fn cell(dash: &Dash, query: &str, token: &str) -> (u16, String) {
@@ -63,7 +49,7 @@ fn occupied(browser: &mut Browser) -> [f64; 2] {
 #[test]
 fn a_cell_says_who_has_seen_it_what_and_when_to_pointer_and_key_and_of_an_earlier_moment() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((simulation, mut browser)) = looked_at(folder.path(), 1280) else {
+    let Some((simulation, mut browser)) = looked_at(folder.path()) else {
         return;
     };
     let wall = occupied(&mut browser);
@@ -167,7 +153,7 @@ fn brightness(browser: &mut Browser, at: [f64; 2]) -> u64 {
 #[test]
 fn one_slice_of_altitude_is_shown_or_all_by_a_list_and_by_a_key() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((_simulation, mut browser)) = looked_at(folder.path(), 1280) else {
+    let Some((_simulation, mut browser)) = looked_at(folder.path()) else {
         return;
     };
     let off = "(() => { for (const name of ['image', 'plan', 'tracks']) { const box = document.getElementById(`layer-${name}`); if (box.checked) box.click(); } })()";
@@ -243,7 +229,7 @@ fn one_slice_of_altitude_is_shown_or_all_by_a_list_and_by_a_key() {
 #[test]
 fn finds_have_ellipses_and_their_deviation_strength_and_probability_are_drawn_against_time() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((_simulation, mut browser)) = looked_at(folder.path(), 1280) else {
+    let Some((_simulation, mut browser)) = looked_at(folder.path()) else {
         return;
     };
     view(&mut browser, "image");

@@ -236,8 +236,8 @@ fn the_table_has_a_line_for_each_mission_distance_and_door() {
         .collect();
     assert_eq!(lines.len(), 3);
     let first = [
-        "pathfind", "0.35", "0.2", "3", "12", "75.0", "50.0", "90.0", "12", "91.7", "1", "1", "1",
-        "1", "100", "0.50",
+        "pathfind", "0.35", "0.2", "3", "12", "75.0", "50.0", "90.0", "1", "12", "91.7", "1", "1",
+        "1", "1", "100", "0.50",
     ];
     assert_eq!(lines[1], first);
     assert_eq!(lines[2][..4], ["pathfind", "0.60", "0.2", "1"]);
