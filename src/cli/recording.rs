@@ -118,7 +118,7 @@ impl Recording {
         for (link, devices) in self.links.iter().zip(devices) {
             bins.record_link(devices, link);
         }
-        (bins.links(), bins.device_offsets())
+        bins.links_and_offsets()
     }
 }
 

@@ -197,13 +197,17 @@ impl LinkBins {
     /// Returns the links in the order of their bins (rows, then columns, of the first and then of the second end), without what
     /// radios differ by.
     pub fn links(&self) -> Vec<Link> {
-        let offsets = self.device_offsets().unwrap_or_default();
-        self.bins.values().map(|bin| bin.link(&offsets)).collect()
+        self.links_and_offsets().0
     }
 
-    /// Returns by how much the radios differ; `None` when they are alike as far as bins that several pairs have measured say.
-    pub fn device_offsets(&self) -> Option<DeviceOffsets> {
-        DeviceOffsets::fit(self.bins.values().map(|bin| bin.heard.as_slice()))
+    /// Returns the same, and by how much the radios differ; `None` when they are alike as far as bins that several pairs have
+    /// measured say.
+    pub fn links_and_offsets(&self) -> (Vec<Link>, Option<DeviceOffsets>) {
+        let found = DeviceOffsets::fit(self.bins.values().map(|bin| bin.heard.as_slice()));
+        let alike = DeviceOffsets::default();
+        let offsets = found.as_ref().unwrap_or(&alike);
+        let links = self.bins.values().map(|bin| bin.link(offsets)).collect();
+        (links, found)
     }
 }
 
