@@ -130,6 +130,10 @@ fn a_real_sensor_drives_a_simulated_body_and_without_one_nobody_drives() {
     let is_sound =
         |watch: &Watch| health(watch, 1).is_some_and(|health| health.troubles.is_empty());
     swarm.until("all is well", 20, is_sound);
+    // What one is heard of first is chance.
+    swarm.until("both have told their health", 20, |watch| {
+        health(watch, 2).is_some()
+    });
     swarm.look(|watch| {
         assert!(!has_mapped(watch, 2), "it sees nothing");
         assert_eq!(health(watch, 2).unwrap().range, None);
