@@ -9,7 +9,8 @@
 //!   [Doubting] ─ looked at it from near, or blocked ─► [Choosing]
 //! ```
 //!
-//! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
+//! Only ground known to be free is driven over; what stays unknown after some looks, each from elsewhere, is left: at first after
+//! a few, and when nothing else is left to be seen, after some more.
 //! Who looks at what is judged by where the peers say that they are going, of one that does not say it by its place and way.
 //! Deliberately absent: agreements. A goal is said, not asked for: two that choose at once may choose alike for a moment.
 
@@ -21,9 +22,11 @@ mod peer_looks;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
-use self::frontier_candidates::{FrontierCandidate, Ground, LookCandidate, Reach, sees};
+use self::frontier_candidates::{
+    FrontierCandidate, Ground, LookCandidate, Reach, hides_something, sees,
+};
 use self::known_frontiers::KnownFrontiers;
-use self::look_history::LookHistory;
+use self::look_history::{LookHistory, Rigour};
 use self::peer_looks::{PeerLook, PeerLooks};
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
@@ -40,8 +43,6 @@ use crate::plan::{Distances, SearchGrid};
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
 /// from as near as it can.
 const NEARER_M: f64 = 0.5;
-/// A frontier shorter than this is not worth a look, metres.
-const FRONTIER_M: f64 = 0.6;
 /// What is this near to an object is searched first, metres.
 const NEAR_OBJECT_M: f64 = 1.5;
 /// By so much farther ways a search goes to what is near to objects, metres.
@@ -66,6 +67,17 @@ pub(crate) enum Preference {
     NearObjects,
     /// What no peer is going to see anyway; what peers look at counts as looked at: an exploration.
     FarFromPeers,
+}
+
+impl Preference {
+    /// Returns how thoroughly it looks, one after the other: a search wants to know what stands there, an exploration
+    /// where all of it ends.
+    fn rigours(self) -> impl Iterator<Item = Rigour> {
+        let is_thorough = self == Preference::FarFromPeers;
+        [Rigour::Quick]
+            .into_iter()
+            .chain(is_thorough.then_some(Rigour::Thorough))
+    }
 }
 
 /// How far it is with the look that comes next.
@@ -98,6 +110,13 @@ enum NoLook {
     InVain(Box<SoughtInVain>),
 }
 
+/// What is to be looked at, and the ground from which nothing of it is seen.
+struct VainSearch {
+    rigour: Rigour,
+    candidates: Vec<FrontierCandidate>,
+    ground: SoughtInVain,
+}
+
 /// Ground from which nothing is seen of what is to be looked at.
 #[derive(Default)]
 struct SoughtInVain {
@@ -126,6 +145,8 @@ pub(crate) struct Seek {
     prefers: Preference,
     stage: Stage,
     looks: LookHistory,
+    /// How thoroughly it looks now.
+    rigour: Rigour,
     /// What may bar the way, and was looked at from near.
     doubts: Doubts,
     #[serde(skip)]
@@ -232,6 +253,7 @@ impl Seek {
             prefers,
             stage: Stage::Fresh,
             looks: LookHistory::new(settings.lattice),
+            rigour: Rigour::Quick,
             doubts: Doubts::default(),
             frontiers: KnownFrontiers::default(),
             peer_looks: PeerLooks::default(),
@@ -243,34 +265,48 @@ impl Seek {
         self.stage = Stage::Choosing;
         self.frontiers.update(around.terrain.map(), &self.settings);
         let occupancy = self.occupancy(around);
-        let candidates = self.rated(around, &occupancy);
         let claims = around.claims();
         let search = around.terrain.search(around.now, around.pose);
-        let vain = match self.look_on_ways(&search, &occupancy, &candidates, &claims) {
-            Ok(found) => return self.go_and_look(around, found),
-            Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
-            Err(NoLook::InVain(vain)) => *vain,
-        };
+        let mut in_vain = Vec::new();
+        for rigour in self.prefers.rigours() {
+            self.rigour = rigour;
+            let candidates = self.rated(around, &occupancy);
+            match self.look_on_ways(&search, &occupancy, (rigour, &candidates), &claims) {
+                Ok(found) => return self.go_and_look(around, found),
+                Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
+                Err(NoLook::InVain(ground)) => in_vain.push(VainSearch {
+                    rigour,
+                    candidates,
+                    ground: *ground,
+                }),
+            }
+        }
         // Peers bar what would be seen without them, on the same ways.
         let has_peers = around.peers.iter().next().is_some();
-        let look_alone = || self.look_on_ways(&search, &occupancy, &candidates, &[]);
-        if has_peers && look_alone().is_ok() {
+        let is_seen_alone = |vain: &VainSearch| {
+            let sought = (vain.rigour, vain.candidates.as_slice());
+            self.look_on_ways(&search, &occupancy, sought, &[]).is_ok()
+        };
+        if has_peers && in_vain.iter().any(is_seen_alone) {
             return MissionStep::YieldToPeers;
         }
+        let finely = in_vain.iter().find_map(|vain| vain.ground.finely.as_ref());
         if search.regards_reflex() {
             let all = search.but_for_reflex().open_finely(&claims);
             let is_worth_a_wait = |all: &OpenGround| {
-                let is_cut_off = match &vain.finely {
+                let is_cut_off = match finely {
                     Some(near) => near.is_cut_off_from(all),
                     None => search.is_cut_off_from(all, &claims),
                 };
-                is_cut_off || self.is_any_seen(&search, all, &occupancy, (&candidates, &vain))
+                let is_seen = |vain| self.is_any_seen(&search, all, &occupancy, vain);
+                is_cut_off || in_vain.iter().any(is_seen)
             };
             if all.as_ref().is_some_and(is_worth_a_wait) {
                 return MissionStep::Wait;
             }
         }
-        self.doubt(&search, vain.finely, &claims)
+        let finely = in_vain.into_iter().find_map(|vain| vain.ground.finely);
+        self.doubt(&search, finely, &claims)
     }
 
     /// Nothing is left to be looked at from where it can get to: looks from near at what may bar the way to more, or ends.
@@ -303,7 +339,7 @@ impl Seek {
         &self,
         search: &PathSearch<'_>,
         occupancy: &OccupancyGrid,
-        candidates: &[FrontierCandidate],
+        (rigour, candidates): (Rigour, &[FrontierCandidate]),
         claims: &[Vec<Point>],
     ) -> Result<FoundLook, NoLook> {
         let mut vain = SoughtInVain::default();
@@ -322,7 +358,9 @@ impl Seek {
             if is_narrow && !grid.open_along(search.driven()) {
                 continue;
             }
-            match self.choose_look(search, &grid, occupancy, (candidates, &vain)) {
+            let ground = self.known(&grid, occupancy, (rigour, &vain));
+            let reach = self.reach(search.keep_m());
+            match ground.best_look(search.from(), candidates, reach) {
                 Ok((look, reached)) => {
                     return Ok(FoundLook {
                         look,
@@ -348,47 +386,31 @@ impl Seek {
         Err(NoLook::InVain(Box::new(vain)))
     }
 
-    /// Returns where to look from and at which of some candidates, but not from where that was sought in vain, with the ways
-    /// there; or the ways to all places, none of which sees any.
-    fn choose_look(
-        &self,
-        search: &PathSearch<'_>,
-        grid: &SearchGrid,
-        occupancy: &OccupancyGrid,
-        (candidates, vain): (&[FrontierCandidate], &SoughtInVain),
-    ) -> Result<(LookCandidate, Distances), Option<Box<Distances>>> {
-        let reach = self.reach(search.keep_m());
-        self.known(grid, occupancy, vain)
-            .best_look(search.from(), candidates, reach)
-    }
-
-    /// Returns whether one of some candidates is seen from ground that can be reached, but for what was sought in vain.
+    /// Returns whether something that was sought in vain is seen from other ground that can be reached.
     fn is_any_seen(
         &self,
         search: &PathSearch<'_>,
         ground: &OpenGround,
         occupancy: &OccupancyGrid,
-        (candidates, vain): (&[FrontierCandidate], &SoughtInVain),
+        vain: &VainSearch,
     ) -> bool {
         let reach = self.reach(search.keep_m());
-        self.known(&ground.grid, occupancy, vain).is_any_seen(
-            (search.from(), &ground.reached),
-            candidates,
-            reach,
-        )
+        self.known(&ground.grid, occupancy, (vain.rigour, &vain.ground))
+            .is_any_seen((search.from(), &ground.reached), &vain.candidates, reach)
     }
 
     fn known<'a>(
         &'a self,
         grid: &'a SearchGrid,
         occupancy: &'a OccupancyGrid,
-        vain: &'a SoughtInVain,
+        (rigour, vain): (Rigour, &'a SoughtInVain),
     ) -> Ground<'a> {
         Ground {
             lattice: self.settings.lattice,
             occupancy,
             grid,
             looks: &self.looks,
+            rigour,
             vain,
         }
     }
@@ -429,10 +451,12 @@ impl Seek {
     /// Returns all frontier cells that are worth another look.
     fn candidates(&self) -> Vec<FrontierCandidate> {
         let lattice = self.settings.lattice;
-        let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
+        let least = (self.rigour.frontier_m() / lattice.cell_m())
+            .round()
+            .max(1.0) as usize;
         self.frontiers
             .cells(least)
-            .filter(|cell| !self.looks.is_spent(*cell))
+            .filter(|cell| !self.looks.is_spent(*cell, self.rigour))
             .map(|cell| FrontierCandidate {
                 cell,
                 at: lattice.centre(cell),
@@ -467,6 +491,9 @@ impl Seek {
     ) -> Vec<FrontierCandidate> {
         let near_cells = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
         let mut candidates = self.candidates();
+        if self.rigour == Rigour::Thorough {
+            candidates.retain(|one| hides_something(occupancy, one.cell));
+        }
         for one in &mut candidates {
             one.penalty_m = match self.prefers {
                 Preference::NearObjects if has_a_peers_goal(around, one.at) => PEER_PENALTY_M,

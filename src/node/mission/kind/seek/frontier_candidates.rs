@@ -8,7 +8,7 @@ use crate::node::mission::terrain::RULES;
 use crate::plan::{Component, Distances, SearchGrid};
 
 use super::SoughtInVain;
-use super::look_history::LookHistory;
+use super::look_history::{LookHistory, Rigour};
 
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
 const AWAY_FACTOR: f64 = 2.0;
@@ -57,6 +57,8 @@ pub(super) struct Ground<'a> {
     pub grid: &'a SearchGrid,
     /// From where things were looked at already.
     pub looks: &'a LookHistory,
+    /// How thoroughly they are looked at.
+    pub rigour: Rigour,
     /// Ground from which nothing can be seen: no look is sought there again.
     pub vain: &'a SoughtInVain,
 }
@@ -104,7 +106,7 @@ impl Ground<'_> {
                     // What is cheap to ask comes first: the ray through the map is asked last, and seldom.
                     let is_better = away_m <= reach.far_m
                         && score_m < best_m
-                        && LookHistory::is_new(looked_from, from);
+                        && self.rigour.is_new(looked_from, from);
                     if is_better && sees(self.occupancy, self.lattice, from, one.at) {
                         (best, best_m) = (
                             Some(LookCandidate {
@@ -144,7 +146,7 @@ impl Ground<'_> {
             };
             squares.near(from).any(|(one, looked_from)| {
                 one.at.distance_to(from) <= reach.far_m
-                    && LookHistory::is_new(looked_from, from)
+                    && self.rigour.is_new(looked_from, from)
                     && sees(self.occupancy, self.lattice, from, one.at)
             })
         })
@@ -158,6 +160,19 @@ impl Ground<'_> {
         }
         squares
     }
+}
+
+/// Returns whether something unknown may stand beside a frontier cell: one of the two cells behind it in some direction is neither
+/// occupied nor beside one that is. What stands beside a known surface is that surface.
+pub(super) fn hides_something(occupancy: &OccupancyGrid, cell: Cell) -> bool {
+    [(1, 0), (0, 1), (-1, 0), (0, -1)]
+        .into_iter()
+        .any(|(x, y)| {
+            let behind = |steps: i32| Cell::new(cell.x + steps * x, cell.y + steps * y);
+            let is_bare = |cell: Cell| !occupancy.has_occupied_around(cell, 1);
+            occupancy.occupancy(behind(1)) == Occupancy::Unknown
+                && (is_bare(behind(1)) || is_bare(behind(2)))
+        })
 }
 
 /// Returns whether only free ground lies between a place and a free cell.
@@ -260,5 +275,49 @@ impl<'a> Squares<'a> {
             squares.filter(|square| !of[*square].is_empty()).collect()
         });
         around.iter().flat_map(|square| &of[*square])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::map::Merged;
+    use crate::node::mission::terrain::tests::tiles_of;
+
+    /// Makes the map of free ground below a row of cells and of nothing known above it; in the row stands what is named.
+    fn map_below(row: i32, stands: impl Fn(i32) -> bool) -> OccupancyGrid {
+        let mut map = Merged::new(Lattice::new(0.2), None);
+        for mut tile in tiles_of(|_, _| false) {
+            let (left, low) = (tile.address.x * 32, tile.address.y * 32);
+            let value = |index: usize| match low + index as i32 / 32 - row {
+                ..0 => -17,
+                0 if stands(left + index as i32 % 32) => 17,
+                0.. => 0,
+            };
+            tile.cells = Arc::new(std::array::from_fn(value));
+            map.join(&tile).unwrap();
+        }
+        let area = CellRect::new(Cell::new(-20, -20), Cell::new(20, 20));
+        map.view(0, area).occupancy_grid(area)
+    }
+
+    #[test]
+    fn what_stands_beside_a_known_surface_is_that_surface() {
+        let hides = |gap: Range<i32>, x: i32, y: i32| {
+            hides_something(&map_below(5, |x| !gap.contains(&x)), Cell::new(x, y))
+        };
+        assert!(
+            !hides(0..0, 0, 4),
+            "behind it stands something that is known"
+        );
+        assert!(
+            hides(-20..21, 0, 4),
+            "nothing is known of what is behind it"
+        );
+        assert!(!hides(-20..21, 0, 0), "everything beside it is free");
+        assert!(!hides(0..1, 0, 4), "a gap as wide as a cell");
+        assert!(hides(0..3, 1, 4) && !hides(0..2, 1, 4));
     }
 }
