@@ -60,6 +60,7 @@ const feed = new Feed(token, (buffer) => {
   if (isFilling()) feed.drawn();
   else wantFrame();
 }, () => {
+  model.forgetParts();
   time.forget();
   showHead();
   wantFrame();
@@ -141,7 +142,11 @@ function ageText(isStale, age_ms) {
   if (!feed.isOpen) return `NOT CONNECTED ${feed.why}`;
   if (isStale) return `NO DATA for ${(age_ms / 1000).toFixed(0)} s`;
   if (!model.isLive()) return `${clock(model.shown_ms / 1000)} of the run`;
-  return model.isPresent() ? "connected" : `${clock(model.moment.to_s - model.shown_ms / 1000)} ago; STOP and Hold work`;
+  if (model.isPresent()) return "connected";
+  const ago = `${clock(model.moment.to_s - model.shown_ms / 1000)} ago`;
+  // Whether anybody is reached now is not known to a page that looks back.
+  if (document.documentElement.dataset.mayStop !== "yes") return ago;
+  return `${ago}; STOP and Hold are sent at once, Now (N) shows whom they reach`;
 }
 
 function showHead() {

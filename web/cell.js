@@ -4,6 +4,8 @@
 const RESTS_MS = 200;
 /** What is shown is asked for again this often: vehicles go on. */
 const AGAIN_MS = 1000;
+/** What is not answered within this time is not answered. */
+const ANSWERED_WITHIN_MS = 5000;
 const NONE = "No vehicle says anything of it.";
 
 export class CellView {
@@ -14,11 +16,12 @@ export class CellView {
     this.at = null;
     this.isMiddle = false;
     this.asked = 0;
+    this.isAsking = false;
     plane.hovered = (at) => this.hover(at);
     plane.moved = () => this.follow();
     view.hovered = (at) => this.hover(at);
     addEventListener("keydown", (event) => this.key(event));
-    setInterval(() => { if (this.at && !document.hidden) this.ask(); }, AGAIN_MS);
+    setInterval(() => this.again(), AGAIN_MS);
   }
 
   key(event) {
@@ -45,6 +48,13 @@ export class CellView {
     this.timer = setTimeout(() => this.look(this.view.middle()), RESTS_MS);
   }
 
+  /** Asks again, but never while an answer is awaited: a slow one would be passed over for the next. */
+  again() {
+    if (!this.at || this.isAsking || document.hidden) return;
+    // Also who rides sees another middle.
+    this.look(this.isMiddle ? this.view.middle() : this.at);
+  }
+
   look(at) {
     this.at = at;
     if (at) return this.ask();
@@ -56,20 +66,26 @@ export class CellView {
 
   async ask() {
     const asked = ++this.asked;
+    this.isAsking = true;
     const [x, y] = this.at;
     const { slice } = this.plane.map;
     const page = this.model.place?.page;
     const of = [`x=${x.toFixed(3)}`, `y=${y.toFixed(3)}`, ...(slice === null ? [] : [`slice=${slice}`]), ...(page ? [`page=${page}`] : [])];
     let said = null;
     try {
-      const answer = await fetch(`cell?${of.join("&")}`, { headers: { Authorization: `Bearer ${this.token}` } });
+      const headers = { Authorization: `Bearer ${this.token}` };
+      const answer = await fetch(`cell?${of.join("&")}`, { headers, signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
       if (answer.ok) said = await answer.json();
     } catch {
-      // What is not answered is not shown; the head says that there is no connection.
+      // That there is no answer is shown below.
     }
     // Meanwhile something else was pointed at.
-    if (asked !== this.asked || !this.at) return;
-    if (said) this.show(said, slice);
+    if (asked !== this.asked) return;
+    this.isAsking = false;
+    if (!this.at) return;
+    if (said) return this.show(said, slice);
+    this.write(`x ${x.toFixed(2)}, y ${y.toFixed(2)} m`, [], "The server gives no answer.");
+    this.mark(null);
   }
 
   show({ at, told, leftOut, at_s }, slice) {
@@ -81,17 +97,34 @@ export class CellView {
       const where = isAll ? `, ${map.name(row.slice)}` : "";
       const time = this.model.timeText((at_s - row.age_s) * 1000);
       const when = `${ageText(row.age_s)} ago${row.mayBeOlder ? " or earlier" : ""} (${time})`;
-      return item("li", `vehicle ${row.vehicle} (start ${row.boot})${where}: ${row.says} (occupied with ${share} %); its tile changed ${when}`);
+      const text = `vehicle ${row.vehicle} (start ${row.boot})${where}: ${row.says} (occupied with ${share} %)`;
+      return { text, age: `; its tile changed ${when}` };
     });
-    if (leftOut > 0) rows.push(item("li", `and ${leftOut} that changed earlier`));
-    const list = document.createElement("ul");
-    list.append(...rows);
-    const head = `cell x ${x}, y ${y} m: ${this.plane.cellWord(at[0], at[1])}`;
-    const shown = [head, ...rows.map((row) => row.textContent)].join("\n");
-    this.box.hidden = false;
-    // A reader of screens is told what is new, not everything once a second.
-    if (shown !== this.shown || this.box.childElementCount === 0) this.box.replaceChildren(item("strong", head), rows.length ? list : item("p", NONE));
+    if (leftOut > 0) rows.push({ text: `and ${leftOut} that changed earlier`, age: "" });
+    this.write(`cell x ${x}, y ${y} m: ${this.plane.cellWord(at[0], at[1])}`, rows, NONE);
+    this.mark(at);
+  }
+
+  /**
+   * Fills the box with a head and rows, or with another text if there are no rows. A reader of screens is told what is new, not
+   * everything once a second: ages are hidden from it, and where nothing but ages has changed, only they are written.
+   */
+  write(head, rows, none) {
+    const texts = rows.length ? rows.map(({ text }) => text) : [none];
+    const shown = [head, ...texts].join("\n");
+    if (shown !== this.shown) {
+      const list = document.createElement("ul");
+      list.append(...texts.map(line));
+      this.box.replaceChildren(item("strong", head), rows.length ? list : item("p", none));
+    }
     this.shown = shown;
+    const ages = this.box.querySelectorAll("[aria-hidden]");
+    rows.forEach(({ age }, index) => { ages[index].textContent = age; });
+    this.box.hidden = false;
+  }
+
+  /** Marks the cell in the scene; null = none. */
+  mark(at) {
     if (JSON.stringify(this.plane.cell) === JSON.stringify(at)) return;
     this.plane.cell = at;
     this.plane.wanted();
@@ -102,6 +135,15 @@ function ageText(age_s) {
   if (age_s < 10) return `${age_s.toFixed(1)} s`;
   if (age_s < 120) return `${age_s.toFixed(0)} s`;
   return `${(age_s / 60).toFixed(0)} min`;
+}
+
+/** A row, with room for its age. */
+function line(text) {
+  const made = item("li", text);
+  const age = document.createElement("span");
+  age.setAttribute("aria-hidden", "true");
+  made.append(age);
+  return made;
 }
 
 function item(name, text) {

@@ -23,7 +23,7 @@ export class Fleet {
     if (event.key === "Escape") return this.select([]);
     if (event.key.toLowerCase() === "a") return this.select(this.model.ids());
     if (!/^[0-9]$/.test(event.key)) return;
-    const now_ms = this.model.clock_ms(performance.now());
+    const now_ms = performance.now();
     this.typed = now_ms - this.typed_ms < TYPED_WITHIN_MS ? this.typed + event.key : event.key;
     this.typed_ms = now_ms;
     const id = Number(this.typed);

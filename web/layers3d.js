@@ -20,6 +20,11 @@ const WALLS_MOST = 60000;
 const LARGER_PER_M = 0.06;
 const TRUTH = 0xa03cc8;
 const FIND = 0x0a7a3a;
+/**
+ * Tiles this near to what the place names are drawn, metres: all of them are one canvas, and a single tile of a vehicle that is
+ * wrong about its place would make it so large that the browser has no memory left.
+ */
+const MAP_MARGIN_M = 30;
 /** As high as a person. */
 const MARK_M = 1.7;
 /** Heights of what lies flat, so that nothing flickers. */
@@ -106,9 +111,10 @@ export class Layers {
     ];
   }
 
-  /** All tiles that are shown as one texture. */
+  /** All tiles that are shown, and are not far from the place, as one texture. */
   map() {
-    const tiles = this.plane.map.shown();
+    const side = SIDE * this.model.place.cell_m;
+    const tiles = this.plane.map.shown().filter(nearTo(this.model.place, side));
     if (tiles.length === 0) return [];
     const [xs, ys] = [tiles.map(({ tile }) => tile.x), tiles.map(({ tile }) => tile.y)];
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs) + 1, Math.min(...ys), Math.max(...ys) + 1];
@@ -116,7 +122,6 @@ export class Layers {
     [canvas.width, canvas.height] = [(right - left) * SIDE, (high - low) * SIDE];
     const pen = canvas.getContext("2d");
     for (const { tile, picture } of tiles) pen.drawImage(picture, (tile.x - left) * SIDE, (high - 1 - tile.y) * SIDE);
-    const side = SIDE * this.model.place.cell_m;
     return [sheet(canvas, [left * side, low * side, right * side, high * side], Z.map, 1)];
   }
 
@@ -299,7 +304,9 @@ export class Layers {
       const isSilent = this.model.isSilent(state.id, now_ms);
       const isRidden = state.id === riding;
       const colour = isSilent ? [138, 138, 138] : this.model.colourOf(state.id);
-      const key = [state.x, state.y, state.z, state.heading, state.sd, state.standsUnder, colour, isRidden, this.plane.map.version].join();
+      // Only the cones of a ride follow the map.
+      const version = isRidden ? this.plane.map.version : "";
+      const key = [state.x, state.y, state.z, state.heading, state.sd, state.standsUnder, colour, isRidden, version].join();
       const of = { state, colour, isRidden, sensors: this.model.place.sensors, cellWord: (x, y) => this.plane.cellWord(x, y) };
       this.layer(`vehicle ${state.id}`, true, key, () => vehicleParts(of));
       const [shape] = this.groups.get(`vehicle ${state.id}`).children;
@@ -311,10 +318,23 @@ export class Layers {
   }
 }
 
+/** Whether a tile lies within the margin about all that the place names; the side of a tile is in metres. */
+function nearTo({ fence, area, homes }, side) {
+  const [xs, ys] = [0, 1].map((axis) => [...fence, ...area, ...homes].map((at) => at[axis]));
+  const isWithin = (index, along) => {
+    return (index + 1) * side >= Math.min(...along) - MAP_MARGIN_M && index * side <= Math.max(...along) + MAP_MARGIN_M;
+  };
+  return ({ tile }) => isWithin(tile.x, xs) && isWithin(tile.y, ys);
+}
+
+/** Frees what an object and all in it hold on the graphics card. */
 function dispose(object) {
-  object.geometry?.dispose();
-  object.material?.map?.dispose();
-  object.material?.dispose();
+  object.traverse((part) => {
+    part.geometry?.dispose();
+    part.material?.map?.dispose();
+    part.material?.dispose();
+    part.dispose?.();
+  });
 }
 
 /** A canvas that lies flat, north up, within a border of x0, y0, x1, y1. */

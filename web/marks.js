@@ -115,7 +115,9 @@ export function marksOf(model, candidate) {
     const of = run === present ? "" : ` (run ${run})`;
     return { at, word: `${state === "stored" ? "marked" : state}${of}`, isStored: state === "stored" };
   });
-  const underWay = given.filter(({ isOver }) => !isOver).map(({ at }) => ({ at, word: "on its way", isStored: false }));
+  // A mark that is to be taken back is among those that are known.
+  const isComing = ({ isOver, takeBack }) => !isOver && !takeBack;
+  const underWay = given.filter(isComing).map(({ at }) => ({ at, word: "on its way", isStored: false }));
   return [...known, ...underWay, ...(candidate ? [{ at: candidate, word: "mark?", isStored: false }] : [])];
 }
 

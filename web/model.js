@@ -56,6 +56,11 @@ export class Model {
     this.changed.add("image");
   }
 
+  /** A connection begins or is lost: the rest of a text that has begun does not come any more. */
+  forgetParts() {
+    this.texts.clear();
+  }
+
   /** Takes a frame. */
   take(buffer, now_ms) {
     const frame = readFrame(buffer);

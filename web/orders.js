@@ -82,12 +82,18 @@ export class Orders {
     seat.textContent = this.hasSeat() ? "This page has the seat" : orders.seat === null ? "Take the seat" : `Take over the seat from page ${orders.seat}`;
     document.getElementById("seat").textContent =
       orders.seat === null ? "seat: free" : this.hasSeat() ? "seat: this page" : `seat: page ${orders.seat}`;
-    document.getElementById("bar").classList.toggle("unlinked", !orders.isLinked);
-    if (this.wasLinked === false && orders.isLinked) say("");
-    this.wasLinked = orders.isLinked;
-    if (!orders.isLinked) say("Cannot stop from here: nobody is reached. Use the radio, or tomoswarm order CONFIG emergency.", "refused");
+    if (this.model.isPresent()) this.showLink(orders.isLinked);
     this.fill("stops", orders.stops.map(stopText));
     this.fill("given", [...orders.orders].reverse().map((order) => this.orderText(order)));
+  }
+
+  /** Shows whether anybody is reached now. An earlier moment does not say that, so what was known last stays meanwhile. */
+  showLink(isLinked) {
+    document.getElementById("bar").classList.toggle("unlinked", !isLinked);
+    if (this.wasLinked === false && isLinked) say("");
+    this.wasLinked = isLinked;
+    if (isLinked) return;
+    say("Cannot stop from here: nobody is reached. Use the radio, or tomoswarm order CONFIG emergency.", "refused");
   }
 
   orderText(order) {

@@ -9,7 +9,9 @@ export class PreflightPanel {
     this.asked_ms = -Infinity;
   }
 
-  draw(now_ms) {
+  draw() {
+    // The browser's own clock: the one that is shown goes back with the moment.
+    const now_ms = performance.now();
     if (now_ms - this.asked_ms < AGAIN_MS) return;
     this.asked_ms = now_ms;
     this.ask();

@@ -106,9 +106,10 @@ export class Scene {
     document.getElementById("pointed").textContent = `x ${x.toFixed(1)} m, y ${y.toFixed(1)} m: ${this.cellWord(x, y)}`;
   }
 
-  /** The place in the middle of what is seen. */
+  /** The place in the middle of what is seen, or will be as soon as it is drawn; null = no place is known. */
   middle() {
-    return this.view ? [this.view.x, this.view.y] : null;
+    const view = this.view ?? (this.model.place && this.fitted());
+    return view && [view.x, view.y];
   }
 
   placeOf(event) {
@@ -138,6 +139,7 @@ export class Scene {
     const [nx, ny] = this.toPlace(px, py);
     this.view.x += x - nx;
     this.view.y += y - ny;
+    this.moved();
     this.wanted();
   }
 

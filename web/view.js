@@ -11,6 +11,8 @@ export class SceneView {
     Object.assign(this, { model, fleet, plane, token });
     this.current = "plane";
     this.space = null;
+    /** Under way, or done: 3D is made once, however often it is asked for meanwhile. */
+    this.loading = null;
     this.riding = null;
     this.wanted = () => {};
     /** Told which place of the ground a pointer is over in three dimensions; null = it has left. */
@@ -36,6 +38,7 @@ export class SceneView {
     this.current = name;
     this.space?.enter(this.current);
     this.show();
+    this.plane.moved();
     this.wanted();
     // Keys that fly or move are those of what is seen.
     document.getElementById(name === "plane" ? "plane" : "space").focus();
@@ -53,18 +56,22 @@ export class SceneView {
 
   /** Whether there are three dimensions. */
   async load() {
-    if (this.space) return true;
     try {
-      const { Space } = await import("./scene3d.js");
-      this.space = new Space(this.model, this.plane, this.token);
-      this.space.wanted = () => this.wanted();
-      this.space.hovered = (at) => this.hovered(at);
-      this.space.moved = () => this.plane.moved();
+      await (this.loading ??= import("./scene3d.js").then(({ Space }) => this.make(Space)));
       return true;
     } catch (error) {
+      this.loading = null;
       say(`3D cannot be shown here (${error.message}). The view from above shows the same, and STOP works.`);
       return false;
     }
+  }
+
+  make(Space) {
+    const space = new Space(this.model, this.plane, this.token);
+    space.wanted = () => this.wanted();
+    space.hovered = (at) => this.hovered(at);
+    space.moved = () => this.plane.moved();
+    this.space = space;
   }
 
   /** The place in the middle of what is seen; null = there is none. */

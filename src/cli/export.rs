@@ -279,7 +279,10 @@ fn write_run(
         target.write(&names[0], text.as_bytes())?;
     }
     if has_links {
-        target.write(&names[1], links_csv(&bins.links(), None).as_bytes())?;
+        target.write(
+            &names[1],
+            links_csv(&bins.measured_links(), None).as_bytes(),
+        )?;
     }
     for ((vehicle, boot), points) in driven {
         features.track(

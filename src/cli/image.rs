@@ -231,10 +231,10 @@ impl ImageCommand {
             settings.pairing_m = settings.pairing_m.min(network.bin_m());
         }
         let count = now.links.len();
-        let (now, offsets) = now.pooled(settings.pairing_m);
+        let empty_recording = (!self.empty.is_empty()).then_some(empty);
+        let (now, empty, offsets) = now.pooled_for(empty_recording.as_ref(), settings.pairing_m);
         self.check_links(&now)?;
-        let (empty, _) = empty.pooled(settings.pairing_m);
-        let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
+        let empty = empty.as_deref();
         let extras = Extras {
             persons: true,
             deviation: self.deviation.as_ref().map(|_| MOST_BLOCKS),
@@ -251,7 +251,12 @@ impl ImageCommand {
             .filter(|_| self.track.is_some())
             .map(|network| network.track(settings.grid.area));
         let progress = match self.progress {
-            Some(_) => Some(progress::animation(&self.files, empty, &settings, &result)?),
+            Some(_) => Some(progress::animation(
+                &self.files,
+                empty_recording.as_ref(),
+                &settings,
+                &result,
+            )?),
             None => None,
         };
         let earth = EarthFiles::of(venue.as_ref(), &result, unit)?;

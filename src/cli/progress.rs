@@ -8,9 +8,7 @@ use super::outputs::heat_map;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, read_share};
 use crate::draw::Picture;
-use crate::tomo::{
-    Candidate, Extras, Imager, ImagingSettings, Link, Reconstruction, Solver, TomoError,
-};
+use crate::tomo::{Candidate, Extras, Imager, ImagingSettings, Reconstruction, Solver, TomoError};
 
 /// Shares of the packets, percent.
 const PERCENT: [u16; 11] = [5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100];
@@ -25,7 +23,7 @@ const LAST_MS: u16 = 2500;
 /// Several files, or one without single packets.
 pub(super) fn animation(
     files: &[PathBuf],
-    empty: Option<&[Link]>,
+    empty: Option<&Recording>,
     settings: &ImagingSettings,
     last: &Reconstruction,
 ) -> Result<Vec<u8>, CliError> {
@@ -84,17 +82,18 @@ fn decided(solver: Solver, made: &Reconstruction) -> Solver {
 /// Returns the image of some of the packets; `None` when they make none yet.
 fn image(
     recording: Recording,
-    empty: Option<&[Link]>,
+    empty: Option<&Recording>,
     settings: &ImagingSettings,
     path: &Path,
 ) -> Result<Option<(Reconstruction, LengthUnit)>, CliError> {
     let unit = recording.unit;
-    let (links, _) = recording.pooled(settings.pairing_m);
+    let (links, empty, _) = recording.pooled_for(empty, settings.pairing_m);
     let extras = Extras {
         persons: true,
         ..Extras::default()
     };
-    let made = Imager::new(*settings).and_then(|mut imager| imager.update(&links, empty, extras));
+    let made = Imager::new(*settings)
+        .and_then(|mut imager| imager.update(&links, empty.as_deref(), extras));
     match made {
         Ok(made) => Ok(Some((made, unit))),
         Err(TomoError::NoLinks { .. }) => Ok(None),

@@ -107,18 +107,43 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Pools what lies in the same bins without what radios differ by, unless it is pooled in such already; returns the links, and
-    /// by how much the radios differ.
-    pub(super) fn pooled(self, bin_m: f64) -> (Vec<Link>, Option<DeviceOffsets>) {
+    /// Pools what lies in the same bins without what radios differ by, unless it is pooled in such already, and so the recording
+    /// that it is compared with; returns the links of both, and by how much the radios differ. See [`LinkBins::links_against`];
+    /// of what is pooled already nobody knows who measured it.
+    pub(super) fn pooled_for(
+        &self,
+        empty: Option<&Recording>,
+        bin_m: f64,
+    ) -> (Vec<Link>, Option<Vec<Link>>, Option<DeviceOffsets>) {
+        let Some(empty) = empty else {
+            let (links, offsets) = match self.bins(bin_m) {
+                Some(bins) => bins.links_and_offsets(),
+                None => (self.links.clone(), None),
+            };
+            return (links, None, offsets);
+        };
+        if let (Some(now), Some(empty)) = (self.bins(bin_m), empty.bins(bin_m)) {
+            let (now, empty, offsets) = now.links_against(&empty);
+            return (now, Some(empty), offsets);
+        }
+        let measured = |recording: &Recording| match recording.bins(bin_m) {
+            Some(bins) => bins.measured_links(),
+            None => recording.links.clone(),
+        };
+        (measured(self), Some(measured(empty)), None)
+    }
+
+    /// Returns the bins of its links; `None` when they are pooled in such already.
+    fn bins(&self, bin_m: f64) -> Option<LinkBins> {
         if self.pooled_in_m == Some(bin_m) || bin_m <= 0.0 {
-            return (self.links, None);
+            return None;
         }
         let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
-        let devices = self.devices.into_iter().chain(iter::repeat(None));
+        let devices = self.devices.iter().copied().chain(iter::repeat(None));
         for (link, devices) in self.links.iter().zip(devices) {
             bins.record_link(devices, link);
         }
-        bins.links_and_offsets()
+        Some(bins)
     }
 }
 

@@ -76,7 +76,7 @@ impl SensorCoverage {
             .fold(ABEAM_DEG, f64::min);
         let answers_deg = ABEAM_DEG - hearing.incidence_limit_deg;
         if aside_deg >= answers_deg {
-            self.bound_gaps(source, body, reach_m);
+            self.bound_gaps(source, (body, reach_m), hearing);
             return;
         }
         let sine = libm::sin(answers_deg.to_radians());
@@ -96,9 +96,14 @@ impl SensorCoverage {
     }
 
     /// Refuses a sure range beyond the usual one of a sensor that looks to each side so seldom that the vehicle fits between.
-    fn bound_gaps(&self, source: &Source<'_>, body: &BodySpec, reach_m: f64) {
+    fn bound_gaps(
+        &self,
+        source: &Source<'_>,
+        (body, reach_m): (&BodySpec, f64),
+        hearing: &Hearing,
+    ) {
         let round_s = self.cycle().as_secs_f64();
-        let seen_m = 2.0 * reach_m * libm::tan(self.half_angle_deg.to_radians());
+        let seen_m = 2.0 * reach_m * libm::tan(hearing.half_angle_deg.to_radians());
         let gap_m = body.max_speed_mps * round_s - seen_m;
         if self.sure_range_m <= SURE_RANGE_M || gap_m <= 2.0 * body.radius_m {
             return;

@@ -31,7 +31,7 @@ impl HeardFiles<'_> {
         match (of_run, name) {
             (Some("samples.csv"), _) => self.links.samples().csv(run),
             (Some("links.csv"), _) => {
-                let links = self.links.of(run);
+                let links = self.links.measured(run);
                 (!links.is_empty()).then(|| links_csv(&links))
             }
             (Some("marks.csv"), _) => self.marks(run),

@@ -92,8 +92,23 @@ impl LinkBook {
         &self.samples
     }
 
-    /// Returns the links of a run, in a fixed order.
+    /// Returns the links of a run, in a fixed order, without what radios differ by.
     pub fn of(&self, run: RunId) -> Vec<Link> {
         self.bins.get(&run).map(LinkBins::links).unwrap_or_default()
+    }
+
+    /// Returns the links of a run and those of the empty run that it is compared with; see [`LinkBins::links_against`].
+    pub fn against(&self, run: RunId, empty: RunId) -> (Vec<Link>, Vec<Link>) {
+        let (Some(now), Some(empty)) = (self.bins.get(&run), self.bins.get(&empty)) else {
+            return (self.of(run), self.of(empty));
+        };
+        let (now, empty, _) = now.links_against(empty);
+        (now, empty)
+    }
+
+    /// Returns the links of a run as they were measured, for a file.
+    pub fn measured(&self, run: RunId) -> Vec<Link> {
+        let bins = self.bins.get(&run);
+        bins.map(LinkBins::measured_links).unwrap_or_default()
     }
 }

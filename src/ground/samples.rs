@@ -203,9 +203,23 @@ impl SampleStore {
             .any(|((_, _, of), received)| *of == run && !received.beyond.is_empty())
     }
 
-    /// Returns the links of a run, in a fixed order.
+    /// Returns how many links a run has.
+    pub fn link_count(&self, run: RunId) -> usize {
+        self.bins.get(&run).map_or(0, LinkBins::len)
+    }
+
+    /// Returns the links of a run, in a fixed order, without what radios differ by.
     pub fn links(&self, run: RunId) -> Vec<Link> {
         self.bins.get(&run).map(LinkBins::links).unwrap_or_default()
+    }
+
+    /// Returns the links of a run and those of the empty run that it is compared with; see [`LinkBins::links_against`].
+    pub fn links_against(&self, run: RunId, empty: RunId) -> (Vec<Link>, Vec<Link>) {
+        let (Some(now), Some(empty)) = (self.bins.get(&run), self.bins.get(&empty)) else {
+            return (self.links(run), self.links(empty));
+        };
+        let (now, empty, _) = now.links_against(empty);
+        (now, empty)
     }
 }
 

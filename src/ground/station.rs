@@ -465,7 +465,7 @@ impl Station {
         out.push(Out::StationEvent(StationEvent::LapDone {
             run,
             laps,
-            links: self.samples.links(run).len(),
+            links: self.samples.link_count(run),
             samples: self.samples.count(run),
         }));
         if !is_last {
@@ -477,7 +477,7 @@ impl Station {
         let run = sweep.run();
         out.push(Out::StationEvent(StationEvent::RunClosed {
             run,
-            links: self.samples.links(run).len(),
+            links: self.samples.link_count(run),
             samples: self.samples.count(run),
         }));
         out.push(Out::EndRun(run));

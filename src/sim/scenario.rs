@@ -513,6 +513,7 @@ impl Scenario {
             min_separation_m,
         } = kernel.finish();
         let station = ground.node().station();
+        let (links, empty_links) = station.samples().links_against(RUN, EMPTY_RUN);
         let outlines = self.outlines()?;
         let unmet = unmet(&self.sim, fleet, &monitor, is_time_up);
         let finished = unmet.is_none() && record.failure.is_none();
@@ -529,8 +530,8 @@ impl Scenario {
             min_separation_m: min_separation_m.is_finite().then_some(min_separation_m),
             samples: station.samples().count(RUN),
             measured: self.keeps_samples.then(|| ground.samples()),
-            links: station.samples().links(RUN),
-            empty_links: station.samples().links(EMPTY_RUN),
+            links,
+            empty_links,
             change: RunOutcome::take(&mut record.pictures, Subject::Change),
             structure: RunOutcome::take(&mut record.pictures, Subject::Structure),
             map: station.map().clone(),

@@ -1,6 +1,7 @@
 //! Pools the packets of moving vehicles into bins: one square at each end of the radio path.
 //!
-//! Memory grows with the bins that were visited, not with packets. Nothing is calibrated or dropped here.
+//! Memory grows with the bins that were visited and the pairs that have met there, not with packets. Nothing is calibrated or
+//! dropped here.
 
 use std::collections::BTreeMap;
 
@@ -200,14 +201,42 @@ impl LinkBins {
         self.links_and_offsets().0
     }
 
-    /// Returns the same, and by how much the radios differ; `None` when they are alike as far as bins that several pairs have
-    /// measured say.
+    /// Returns the same links with what radios differ by, as they were measured.
+    pub fn measured_links(&self) -> Vec<Link> {
+        self.links_without(None)
+    }
+
+    /// Returns the links without what radios differ by, and by how much these do; `None` when they are alike as far as bins
+    /// that several pairs have measured say.
     pub fn links_and_offsets(&self) -> (Vec<Link>, Option<DeviceOffsets>) {
-        let found = DeviceOffsets::fit(self.bins.values().map(|bin| bin.heard.as_slice()));
+        let found = DeviceOffsets::fit(self.all_heard());
+        (self.links_without(found.as_ref()), found)
+    }
+
+    /// Returns the links of a run and those of the empty one that it is compared with, without what radios differ by, and by how
+    /// much these do. That is found from both together: each alone knows its radios against those that took part in it only,
+    /// and the difference of what two fleets have in common would show as a change everywhere. Where one of them does not say
+    /// who measured a link, all are taken as they were measured.
+    pub fn links_against(&self, empty: &LinkBins) -> (Vec<Link>, Vec<Link>, Option<DeviceOffsets>) {
+        let both = self.all_heard().chain(empty.all_heard());
+        let is_known = both.clone().flatten().all(|heard| heard.devices.is_some());
+        let found = if is_known {
+            DeviceOffsets::fit(both)
+        } else {
+            None
+        };
+        let of = |bins: &LinkBins| bins.links_without(found.as_ref());
+        (of(self), of(empty), found)
+    }
+
+    fn all_heard(&self) -> impl Iterator<Item = &[Heard]> + Clone {
+        self.bins.values().map(|bin| bin.heard.as_slice())
+    }
+
+    fn links_without(&self, offsets: Option<&DeviceOffsets>) -> Vec<Link> {
         let alike = DeviceOffsets::default();
-        let offsets = found.as_ref().unwrap_or(&alike);
-        let links = self.bins.values().map(|bin| bin.link(offsets)).collect();
-        (links, found)
+        let offsets = offsets.unwrap_or(&alike);
+        self.bins.values().map(|bin| bin.link(offsets)).collect()
     }
 }
 
@@ -383,6 +412,67 @@ mod tests {
             two.record(DEVICES, place(k + 5), place(k), Some(-50 - k as i16));
         }
         assert_eq!(one.links(), two.links());
+    }
+
+    /// Bins that all pairs of some radios have measured in both directions, at a level that goes up and down, each radio with
+    /// its offset as a sender.
+    fn bins_of(sent_db: &[(u8, i16)]) -> LinkBins {
+        let mut bins = LinkBins::default();
+        for step in 0..60_i16 {
+            let (a, b) = (Point::new(f64::from(step), 0.2), Point::new(0.2, 30.2));
+            for (from, offset_db) in sent_db {
+                for (to, _) in sent_db.iter().filter(|(to, _)| to != from) {
+                    let devices = Devices {
+                        transmitter: VehicleId(*from),
+                        receiver: VehicleId(*to),
+                    };
+                    let rssi_dbm = -60 - step % 7 + offset_db;
+                    bins.record(devices, a, b, Some(rssi_dbm));
+                    bins.record(devices, b, a, Some(rssi_dbm));
+                }
+            }
+        }
+        bins
+    }
+
+    /// The mean difference of two lists of links, dB.
+    fn mean_change_db(now: &[Link], empty: &[Link]) -> f64 {
+        assert_eq!(now.len(), empty.len());
+        let changes = now.iter().zip(empty);
+        changes
+            .map(|(now, empty)| now.mean_dbm - empty.mean_dbm)
+            .sum::<f64>()
+            / now.len() as f64
+    }
+
+    #[test]
+    fn two_fleets_are_compared_by_the_radios_of_both() {
+        let (empty, now) = (
+            bins_of(&[(1, -4), (2, -4), (3, 3), (4, 3)]),
+            bins_of(&[(3, 3), (4, 3)]),
+        );
+        let (now_links, empty_links, found) = now.links_against(&empty);
+        assert!(found.is_some());
+        assert!(mean_change_db(&now_links, &empty_links).abs() < 0.1);
+        let alone_db = mean_change_db(&now.links(), &empty.links());
+        let measured_db = mean_change_db(&now.measured_links(), &empty.measured_links());
+        assert!(
+            alone_db > 3.0 && measured_db > 3.0,
+            "{alone_db} {measured_db}"
+        );
+    }
+
+    #[test]
+    fn who_is_compared_with_links_of_nobody_is_taken_as_it_was_measured() {
+        let now = bins_of(&[(1, -4), (2, 0), (3, 3)]);
+        let mut empty = LinkBins::default();
+        for link in now.measured_links() {
+            empty.record_link(None, &link);
+        }
+        let (now_links, empty_links, found) = now.links_against(&empty);
+        assert_eq!((found, now_links), (None, now.measured_links()));
+        assert!(mean_change_db(&now.measured_links(), &empty_links).abs() < 1e-9);
+        assert_ne!(now.links(), now.measured_links());
     }
 
     #[test]

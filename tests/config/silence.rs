@@ -197,4 +197,9 @@ fn silence_from_afar_is_believed_of_rounds_that_leave_no_gap_beside_the_vehicle(
         assert!(said.contains(problem), "{said}");
         assert!(said.contains("at most 3 m is allowed"), "{said}");
     }
+    // A ray leaves more of a wall between two looks than a cone does.
+    let slow = sensor(0.55, 4.0);
+    assert_eq!(sure_m(&slow), 4.0);
+    let said = in_sim(&format!("{slow}range.lobe = \"beam\"\n")).unwrap_err();
+    assert!(said.contains("drives past 0.55 m"), "{said}");
 }

@@ -101,7 +101,7 @@ impl PageServer {
     /// The token is none of this server's; nothing was heard of the run.
     pub fn links(&self, authorization: Option<&str>, run: RunId) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        let links = self.links.of(run);
+        let links = self.links.measured(run);
         if links.is_empty() {
             let reason = format!("this page has heard no samples of run {run}");
             return Err(GateRefusal::Unreadable(reason));
@@ -185,11 +185,18 @@ impl PageServer {
             ..known
         });
         let empty_run = is_change.then(|| self.compared_with(image.run)).flatten();
+        let (now, empty) = match empty_run {
+            Some(empty) => {
+                let (now, empty) = self.links.against(image.run, empty);
+                (now, Some(empty))
+            }
+            None => (self.links.of(image.run), None),
+        };
         let job = WhyJob {
             run: image.run,
             empty_run,
-            now: self.links.of(image.run),
-            empty: empty_run.map(|run| self.links.of(run)),
+            now,
+            empty,
             settings,
             at: Point::new(asked.at[0], asked.at[1]),
         };

@@ -59,12 +59,16 @@ impl PictureName {
             Subject::Change => compared_with,
             Subject::Structure => None,
         };
+        let (now, empty) = match compared_with {
+            Some(empty) => samples.links_against(run, empty),
+            None => (samples.links(run), Vec::new()),
+        };
         Job {
             run,
             laps,
             subject,
-            now: samples.links(run),
-            empty: compared_with.map_or_else(Vec::new, |empty| samples.links(empty)),
+            now,
+            empty,
             stage,
         }
     }

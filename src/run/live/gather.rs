@@ -122,8 +122,14 @@ impl Stored {
 
 fn read(scenario: &Scenario, store: &Path) -> Result<Stored, StoreError> {
     let store = GroundStore::open_to_read(store)?;
-    let (samples, links) = links(scenario, &store, RUN)?;
-    let (_, empty_links) = links_of_empty(scenario, &store)?;
+    let (samples, now) = bins(scenario, &store, RUN)?;
+    let (links, empty_links) = if scenario.sim().empty_sweep {
+        let (_, empty) = bins(scenario, &store, EMPTY_RUN)?;
+        let (links, empty_links, _) = now.links_against(&empty);
+        (links, empty_links)
+    } else {
+        (now.links(), Vec::new())
+    };
     let images = store.newest_images(RUN)?;
     let image = |kind: &str| images.iter().find(|image| image.kind == kind).map(picture);
     let mut stored = Stored {
@@ -144,23 +150,12 @@ fn read(scenario: &Scenario, store: &Path) -> Result<Stored, StoreError> {
     Ok(stored)
 }
 
-fn links_of_empty(
-    scenario: &Scenario,
-    store: &GroundStore,
-) -> Result<(u64, Vec<Link>), StoreError> {
-    if scenario.sim().empty_sweep {
-        links(scenario, store, EMPTY_RUN)
-    } else {
-        Ok((0, Vec::new()))
-    }
-}
-
-/// Returns how many samples a run has, and its links, in the bins in which the ground station pools them.
-fn links(
+/// Returns how many samples a run has, and the bins in which the ground station pools them.
+fn bins(
     scenario: &Scenario,
     store: &GroundStore,
     run: RunId,
-) -> Result<(u64, Vec<Link>), StoreError> {
+) -> Result<(u64, LinkBins), StoreError> {
     let mut bins = LinkBins::new(scenario.sim().imaging.bin_m, SPOT_M);
     let mut count = 0;
     store.each_sample(Some(run), |stored| {
@@ -177,7 +172,7 @@ fn links(
         );
         count += 1;
     })?;
-    Ok((count, bins.links()))
+    Ok((count, bins))
 }
 
 fn picture(stored: &StoredImage) -> Reconstruction {
