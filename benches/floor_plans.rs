@@ -98,17 +98,15 @@ fn plans(words: &[String]) -> ExitCode {
         numbers.first().copied().unwrap_or(12),
         numbers.get(1).copied().unwrap_or(0),
     );
-    let (covered, words): (Vec<&String>, Vec<&String>) =
-        words.iter().partition(|word| *word == "covered");
-    let thinnest_m = if covered.is_empty() {
-        THINNEST_M
-    } else {
-        COVERED_M
+    let is_covered = |word: &String| word == "covered";
+    let thinnest_m = match words.iter().any(is_covered) {
+        true => COVERED_M,
+        false => THINNEST_M,
     };
     let is_wanted = |mission: &TrialMission| {
         words
             .iter()
-            .all(|word| word.parse::<u64>().is_ok() || *word == mission.word())
+            .all(|word| word.parse::<u64>().is_ok() || is_covered(word) || word == mission.word())
     };
     let jobs: Vec<(u64, TrialMission)> = (first..first + count)
         .flat_map(|seed| MISSIONS.map(|mission| (seed, mission)))

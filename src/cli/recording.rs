@@ -122,15 +122,17 @@ impl Recording {
             };
             return (links, None, offsets);
         };
-        if let (Some(now), Some(empty)) = (self.bins(bin_m), empty.bins(bin_m)) {
-            let (now, empty, offsets) = now.links_against(&empty);
+        let bins = [self, empty].map(|recording| recording.bins(bin_m));
+        if let [Some(now), Some(empty)] = &bins {
+            let (now, empty, offsets) = now.links_against(empty);
             return (now, Some(empty), offsets);
         }
-        let measured = |recording: &Recording| match recording.bins(bin_m) {
+        let measured = |bins: &Option<LinkBins>, recording: &Recording| match bins {
             Some(bins) => bins.measured_links(),
             None => recording.links.clone(),
         };
-        (measured(self), Some(measured(empty)), None)
+        let [now, empty] = [measured(&bins[0], self), measured(&bins[1], empty)];
+        (now, Some(empty), None)
     }
 
     /// Returns the bins of its links; `None` when they are pooled in such already.

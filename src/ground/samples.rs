@@ -215,11 +215,7 @@ impl SampleStore {
 
     /// Returns the links of a run and those of the empty run that it is compared with; see [`LinkBins::links_against`].
     pub fn links_against(&self, run: RunId, empty: RunId) -> (Vec<Link>, Vec<Link>) {
-        let (Some(now), Some(empty)) = (self.bins.get(&run), self.bins.get(&empty)) else {
-            return (self.links(run), self.links(empty));
-        };
-        let (now, empty, _) = now.links_against(empty);
-        (now, empty)
+        LinkBins::links_of_runs(&self.bins, &run, &empty)
     }
 }
 

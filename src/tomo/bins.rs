@@ -229,6 +229,19 @@ impl LinkBins {
         (of(self), of(empty), found)
     }
 
+    /// Returns the links of two of some runs, by what each has measured; of a run without samples there are none. See
+    /// [`LinkBins::links_against`].
+    pub fn links_of_runs<R: Ord>(
+        runs: &BTreeMap<R, LinkBins>,
+        now: &R,
+        empty: &R,
+    ) -> (Vec<Link>, Vec<Link>) {
+        let nothing = LinkBins::default();
+        let of = |run: &R| runs.get(run).unwrap_or(&nothing);
+        let (now, empty, _) = of(now).links_against(of(empty));
+        (now, empty)
+    }
+
     fn all_heard(&self) -> impl Iterator<Item = &[Heard]> + Clone {
         self.bins.values().map(|bin| bin.heard.as_slice())
     }

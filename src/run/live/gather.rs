@@ -123,13 +123,11 @@ impl Stored {
 fn read(scenario: &Scenario, store: &Path) -> Result<Stored, StoreError> {
     let store = GroundStore::open_to_read(store)?;
     let (samples, now) = bins(scenario, &store, RUN)?;
-    let (links, empty_links) = if scenario.sim().empty_sweep {
-        let (_, empty) = bins(scenario, &store, EMPTY_RUN)?;
-        let (links, empty_links, _) = now.links_against(&empty);
-        (links, empty_links)
-    } else {
-        (now.links(), Vec::new())
+    let empty = match scenario.sim().empty_sweep {
+        true => bins(scenario, &store, EMPTY_RUN)?.1,
+        false => LinkBins::default(),
     };
+    let (links, empty_links, _) = now.links_against(&empty);
     let images = store.newest_images(RUN)?;
     let image = |kind: &str| images.iter().find(|image| image.kind == kind).map(picture);
     let mut stored = Stored {

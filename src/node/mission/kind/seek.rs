@@ -72,11 +72,11 @@ pub(crate) enum Preference {
 impl Preference {
     /// Returns how thoroughly it looks, one after the other: a search wants to know what stands there, an exploration
     /// where all of it ends.
-    fn rigours(self) -> impl Iterator<Item = Rigour> {
-        let is_thorough = self == Preference::FarFromPeers;
-        [Rigour::Quick]
-            .into_iter()
-            .chain(is_thorough.then_some(Rigour::Thorough))
+    fn rigours(self) -> &'static [Rigour] {
+        match self {
+            Preference::NearObjects => &[Rigour::Quick],
+            Preference::FarFromPeers => &[Rigour::Quick, Rigour::Thorough],
+        }
     }
 }
 
@@ -268,7 +268,7 @@ impl Seek {
         let claims = around.claims();
         let search = around.terrain.search(around.now, around.pose);
         let mut in_vain = Vec::new();
-        for rigour in self.prefers.rigours() {
+        for rigour in self.prefers.rigours().iter().copied() {
             self.rigour = rigour;
             let candidates = self.rated(around, &occupancy);
             match self.look_on_ways(&search, &occupancy, (rigour, &candidates), &claims) {
