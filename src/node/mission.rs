@@ -10,7 +10,8 @@
 //! return goes on beside others that return is decided by `returning`. All of these only decide: the goal is changed here.
 //!
 //! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`. As long as
-//! the vehicle does not know its place it stands, and nothing is made of where it seems to be: see `place_watch`.
+//! the vehicle does not know its place it stands, and nothing is made of where it seems to be: see `place_watch`. As long as
+//! somebody or something else holds it back, its mission pauses: see `restraint`.
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
@@ -29,6 +30,7 @@ mod obstruction;
 mod pilot;
 mod place_watch;
 mod report;
+mod restraint;
 mod returning;
 mod runner;
 mod share;
@@ -54,7 +56,6 @@ use self::terrain::Terrain;
 use super::memory::Remembered;
 use super::peers::Peers;
 use super::state_ages::StateAges;
-use super::vehicle::{self, MoveCommand};
 use super::{OwnState, VehicleSettings};
 use crate::actor::{Actor, Fault};
 use crate::geom::Point;
@@ -122,7 +123,9 @@ impl Mission {
         self.leases.follow(state.ordered.lease);
         let (pose, sees) = (state.pose, state.sees);
         let rests = state.is_at_rest && state.leg.is_none();
+        let could_move = self.may_move();
         self.state = Some(state);
+        self.watch_restraint(now, could_move);
         self.watch_place(now, pose.sd_m, sees, out);
         let seems_home = is_at_home(pose, self.settings.home);
         self.place.note_rest(rests, seems_home);
@@ -138,6 +141,7 @@ impl Mission {
         match self.goal {
             _ if !self.place.is_known() => self.wait_for_place(now, out),
             Goal::Following | Goal::Returning(_) if self.autonomy.is_alone() => {}
+            Goal::Following | Goal::Returning(_) if !self.may_move() => self.stay(),
             Goal::Following => self.follow(now, out),
             Goal::Returning(home) => self.bring_home(now, home, out),
             Goal::Held(_) | Goal::Waiting | Goal::Home(_) => self.stay(),
@@ -370,9 +374,14 @@ impl Mission {
         }
     }
 
-    /// A new revision is followed: what was left of the old way is given up.
+    /// A new revision is followed: what was left of the old way is given up, unless that was none of a plan's.
     fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
-        if let Some(state) = &self.state {
+        let drives_itself = match self.goal {
+            Goal::Following => self.assignment.is_own(),
+            Goal::Returning(home) => home.is_under_way(),
+            Goal::Waiting | Goal::Held(_) | Goal::Home(_) => false,
+        };
+        if let Some(state) = self.state.as_ref().filter(|_| !drives_itself) {
             self.pilot.give_up(state.pose.at);
         }
         out.push(Out::Accepted(progress.run, progress.revision));
@@ -392,6 +401,9 @@ impl Mission {
         let (drove_home, is_start) = (self.goal.drives_home(), order.kind == OrderKind::Start);
         let is_battery_low = self.autonomy.is_battery_low();
         self.goal = self.goal.ordered(now, order.kind, is_battery_low);
+        if is_start {
+            self.obeys_again();
+        }
         let follows = is_start && self.goal == Goal::Following;
         if !is_start || (follows && drove_home) {
             self.stop(now, out);
@@ -434,6 +446,7 @@ impl Mission {
         }
         self.settings.task = self.assignment.task().ok().flatten().cloned();
         self.runner = StepRunner::of(&self.settings);
+        self.place.end_wait();
         if self.assignment.is_own() {
             self.plan.leave();
         }
@@ -457,30 +470,6 @@ impl Mission {
         self.goal = Goal::Held(GoalSource::Order);
         self.stop(now, out);
         self.go_on(now, out);
-    }
-
-    fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        if let Some(runner) = &mut self.runner {
-            runner.interrupt(now);
-        }
-        self.pilot.halted(now);
-        out.push(Out::Command(now, MoveCommand::Hold));
-    }
-
-    fn take_safety_event(&mut self, now: Time, event: &vehicle::SafetyEvent) {
-        match event {
-            vehicle::SafetyEvent::Halted { obstacle, .. } => {
-                self.terrain.note_obstacle(now, *obstacle);
-                self.pilot.halted(now);
-            }
-            vehicle::SafetyEvent::Refused(refusal) => {
-                self.pilot.refused(now, *refusal);
-                if let vehicle::CommandRefusal::Separation(peer) = refusal {
-                    self.step_back(now, |returning| returning.after_refusal_for(*peer));
-                }
-            }
-            vehicle::SafetyEvent::AutopilotSilent | vehicle::SafetyEvent::Switched(_) => {}
-        }
     }
 
     /// Says progress and what is measured for, when they have changed.
@@ -509,7 +498,7 @@ impl Mission {
     fn goal_deadline(&self) -> Option<Deadline> {
         let pilot = self.pilot.deadline();
         match (self.goal, &self.runner) {
-            _ if self.autonomy.is_alone() || !self.place.is_known() => None,
+            _ if self.autonomy.is_alone() || !self.place.is_known() || !self.may_move() => None,
             (Goal::Following, Some(runner)) => Deadline::earlier(
                 self.plan.deadline(),
                 Deadline::earlier(runner.deadline(), pilot),

@@ -22,6 +22,8 @@ pub struct OwnState {
     pub mode: VehicleMode,
     /// Whether it has come to rest.
     pub is_at_rest: bool,
+    /// Whether it obeys its mission: nobody has taken it over, and neither an order nor an emergency stop holds it back.
+    pub may_move: bool,
     /// Whether its range sensors have answered of late.
     pub sees: bool,
     /// Whether the motors have current.

@@ -21,6 +21,7 @@ pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
         speed_mps: 0.0,
         mode: VehicleMode::Idle,
         is_at_rest: true,
+        may_move: true,
         sees: true,
         is_armed: true,
         battery: 1.0,

@@ -156,14 +156,26 @@ impl Flood {
 
     /// Returns the least cost of a way to a cell within the grid, in sides of a cell.
     pub(super) fn cost_cells(&self, cell: Cell) -> Option<f64> {
-        let cost = self.cost(self.terrain.place(cell))?;
-        Some(cost as f64 / STRAIGHT as f64)
+        self.cost(self.terrain.place(cell)).map(in_cells)
+    }
+
+    /// Returns the least costs of ways to so many cells of a row within the grid, in sides of a cell.
+    pub(super) fn row_cells(
+        &self,
+        first: Cell,
+        width: usize,
+    ) -> impl Iterator<Item = Option<f64>> + '_ {
+        let place = self.terrain.place(first);
+        let row = &self.search.nodes[place..place + width];
+        row.iter().map(|node| self.known(*node).map(in_cells))
     }
 
     fn cost(&self, place: usize) -> Option<u64> {
-        self.search.nodes[place]
-            .cost()
-            .filter(|cost| *cost <= self.most)
+        self.known(self.search.nodes[place])
+    }
+
+    fn known(&self, node: SearchCell) -> Option<u64> {
+        node.cost().filter(|cost| *cost <= self.most)
     }
 
     /// Returns whether the costs of all cells are known that can be reached.
@@ -177,6 +189,11 @@ impl Flood {
         self.cost(place)?;
         Some(walk_back(&self.terrain, &self.search.nodes, place))
     }
+}
+
+/// Returns a cost in sides of a cell. (Costs have 59 bits: as numbers with a sign they are turned into floating point faster.)
+fn in_cells(cost: u64) -> f64 {
+    cost as i64 as f64 / STRAIGHT as f64
 }
 
 /// Finds the least costs from all cells to one.

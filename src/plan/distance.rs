@@ -76,6 +76,21 @@ impl Distances {
         Some(cost_cells * self.lattice.cell_m())
     }
 
+    /// Returns the cells of a rectangle to which ways are known, row by row, each with the least cost of a way, metres.
+    pub fn costs_m(&self, area: CellRect) -> impl Iterator<Item = (Cell, f64)> + '_ {
+        let cell_m = self.lattice.cell_m();
+        let area = area.overlap(self.area);
+        let rows = area.into_iter().flat_map(|area| {
+            (area.low.y..=area.high.y).map(move |y| (Cell::new(area.low.x, y), area.width_cells()))
+        });
+        rows.flat_map(move |(first, width)| {
+            let costs = self.flood.row_cells(first, width as usize);
+            (first.x..).zip(costs).filter_map(move |(x, cost_cells)| {
+                Some((Cell::new(x, first.y), cost_cells? * cell_m))
+            })
+        })
+    }
+
     /// Returns a way of that cost, from the start to the cell, both included.
     #[inline]
     pub fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {

@@ -107,6 +107,7 @@ fn addressee(heard: &HeardMessage) -> Option<VehicleId> {
     match heard {
         HeardMessage::Message(_, Message::Order(order)) => Some(order.vehicle),
         HeardMessage::Message(_, Message::Plan(plan)) => Some(plan.vehicle),
+        HeardMessage::Message(_, Message::Fix(fix)) => Some(fix.vehicle),
         HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => None,
     }
 }
@@ -170,6 +171,14 @@ mod tests {
         assert!(
             line(&of_two, Message::State(state(2))).is_some() && line(&of_two, order).is_some()
         );
+        let fix = Message::Fix(tomoswarm_proto::Fix {
+            vehicle: VehicleId(2),
+            at: Default::default(),
+            heading: None,
+            sd: Default::default(),
+            age_ms: 0,
+        });
+        assert!(line(&of_two, fix).is_some());
         assert!(line(&of_two, Message::State(state(1))).is_none());
         assert!(line(&of_two, Message::Report(GroundReport { ..report() })).is_none());
     }

@@ -53,6 +53,7 @@ fn state(index: usize) -> OwnState {
         speed_mps: 0.0,
         mode: VehicleMode::Idle,
         is_at_rest: true,
+        may_move: true,
         sees: true,
         is_armed: true,
         battery: 1.0,

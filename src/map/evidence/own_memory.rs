@@ -12,8 +12,8 @@ use crate::geom::{Cell, Lattice};
 use crate::map::tile::{address_of, index_in_tile, origin_of};
 use crate::map::{ClearedParts, Merged};
 
-/// Tiles that are remembered; one takes about 25 kB.
-const TILES: usize = 4096;
+/// Tiles that are remembered; one takes 51 kB, and up to 6 kB more for its echoes: about 115 MB in all.
+const TILES: usize = 2048;
 
 /// A cell: its tile's place in the memory, and its place in the tile.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]

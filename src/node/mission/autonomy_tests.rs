@@ -7,6 +7,7 @@ use tomoswarm_proto::{Sender, StandReason};
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, fed, holds, order, plan, planned};
 use super::*;
+use crate::node::vehicle::MoveCommand;
 
 const GROUND: In = In::Heard(Sender::Ground);
 

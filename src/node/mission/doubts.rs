@@ -34,7 +34,7 @@ const STEP_M: f64 = 0.1;
 const NAMED: usize = 3;
 
 /// What was looked at from near.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Doubts {
     /// From where each part of the ground was looked at.
     looks: Vec<((i32, i32), Vec<Point>)>,

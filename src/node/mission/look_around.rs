@@ -33,6 +33,8 @@ pub(super) struct LookAround {
     kind: LookKind,
     since: Time,
     seen_from: Option<Time>,
+    /// To how many of its headings it has turned.
+    turned: usize,
 }
 
 /// Which headings are looked along.
@@ -73,6 +75,7 @@ impl LookAround {
             kind: LookKind::Around,
             since: now,
             seen_from: None,
+            turned: 0,
         }
     }
 
@@ -103,6 +106,11 @@ impl LookAround {
         self.toward + Angle::from_degrees(offsets_deg[self.turn.min(offsets_deg.len() - 1)])
     }
 
+    /// Returns whether it has turned to half of its headings at least.
+    pub(super) fn has_looked(&self) -> bool {
+        2 * self.turned >= self.kind.offsets_deg().len()
+    }
+
     /// Goes on: `dwell` is how long to look once a heading is reached.
     pub(super) fn next(
         &mut self,
@@ -111,8 +119,8 @@ impl LookAround {
         resting: bool,
         dwell: Duration,
     ) -> Next {
-        let reached = resting && (heading - self.heading()).radians().abs() <= REACHED_RAD;
-        if reached && self.seen_from.is_none() {
+        let turned = (heading - self.heading()).radians().abs() <= REACHED_RAD;
+        if turned && resting && self.seen_from.is_none() {
             self.seen_from = Some(now);
         }
         let seen = self.seen_from.is_some_and(|from| now.since(from) >= dwell);
@@ -120,6 +128,7 @@ impl LookAround {
             return Next::Stay;
         }
         self.turn += 1;
+        self.turned += usize::from(turned || self.seen_from.is_some());
         self.since = now;
         self.seen_from = None;
         if self.turn >= self.kind.offsets_deg().len() {
@@ -164,5 +173,26 @@ mod tests {
             look.next(late, away, true, Duration::ZERO),
             Next::Turn(_)
         ));
+    }
+
+    #[test]
+    fn who_turned_to_half_of_the_headings_has_looked() {
+        for (obeyed, has_looked) in [(1, false), (3, true), (6, true)] {
+            let mut look = LookAround::toward(Angle::default(), Time::ZERO);
+            let (mut heading, mut turns) = (look.heading(), 1);
+            for second in 0..100 {
+                match look.next(
+                    Time::from_secs_f64(f64::from(second)),
+                    heading,
+                    true,
+                    Duration::ZERO,
+                ) {
+                    Next::Turn(wanted) if turns < obeyed => (heading, turns) = (wanted, turns + 1),
+                    Next::Turn(_) | Next::Stay => {}
+                    Next::Over => break,
+                }
+            }
+            assert_eq!(look.has_looked(), has_looked, "{obeyed}");
+        }
     }
 }

@@ -39,7 +39,7 @@ impl Mission {
 
     /// Returns what the vehicle does, for status lines.
     pub fn status(&self) -> MissionStatus {
-        if self.holds() {
+        if self.holds() || self.is_held_back() {
             MissionStatus::Held
         } else {
             self.goal.status()
@@ -50,6 +50,11 @@ impl Mission {
     fn holds(&self) -> bool {
         let is_alone = self.autonomy.is_alone() && self.goal.is_under_way();
         matches!(self.goal, Goal::Held(_)) || is_alone
+    }
+
+    /// Returns whether it is under way and something else than its mission holds the vehicle back.
+    fn is_held_back(&self) -> bool {
+        self.goal.is_under_way() && !self.may_move()
     }
 
     /// Returns why it stands and does not go on by itself; `None` = it may.
@@ -75,7 +80,7 @@ impl Mission {
 
     fn phase(&self) -> MissionPhase {
         match self.goal {
-            _ if self.holds() => MissionPhase::Held,
+            _ if self.holds() || self.is_held_back() => MissionPhase::Held,
             Goal::Waiting => MissionPhase::Waiting,
             Goal::Held(_) => MissionPhase::Held,
             Goal::Returning(_) => MissionPhase::Returning,

@@ -10,6 +10,7 @@ use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, fed, order};
 use super::*;
 use crate::geom::Angle;
+use crate::node::vehicle::{self, MoveCommand};
 
 /// Side of the ring, metres; its south-west corner is the datum.
 const SIDE_M: f64 = 20.0;

@@ -19,6 +19,7 @@
 //! Deliberately absent: where to go and what to look at, see [`super::kind`].
 
 mod barred_places;
+mod claims;
 mod close_looks;
 mod context;
 mod own_mission;
@@ -94,9 +95,10 @@ enum Phase {
         look: LookAround,
         at: Option<Cell>,
     },
-    /// The autopilot carries out what it stores.
+    /// The autopilot carries out what it stores, unless the vehicle has refused it.
     Following {
         since: Time,
+        is_refused: bool,
     },
     Over,
 }
@@ -219,6 +221,13 @@ impl StepRunner {
         }
     }
 
+    /// Notes that the vehicle has refused what it was told last.
+    pub(super) fn refused(&mut self) {
+        if let Phase::Following { is_refused, .. } = &mut self.phase {
+            *is_refused = true;
+        }
+    }
+
     /// Goes on; `met` is what the pilot met.
     pub(super) fn go_on(&mut self, scene: &mut RunnerContext<'_>, met: &[WayEvent]) {
         self.progress.go_on(scene.now);
@@ -245,15 +254,19 @@ impl StepRunner {
             }
             Phase::Driving { .. } => {}
             Phase::Looking { look, at } => self.look(scene, look, at),
-            Phase::Following { since } => self.follow_stored(scene, since),
+            Phase::Following { since, is_refused } => {
+                self.follow_stored(scene, since, is_refused);
+            }
         }
     }
 
     /// Tells the mission how far the autopilot is with what it stores.
-    fn follow_stored(&mut self, scene: &mut RunnerContext<'_>, since: Time) {
+    fn follow_stored(&mut self, scene: &mut RunnerContext<'_>, since: Time, is_refused: bool) {
         self.progress.get_on(scene.now);
         if scene.now.since(since) >= ASK_EVERY {
-            self.tell(scene, MissionInput::Autopilot(scene.state.stored));
+            // What it says after a refusal is of the mission before.
+            let stored = scene.state.stored.filter(|_| !is_refused);
+            self.tell(scene, MissionInput::Autopilot(stored));
         }
     }
 
@@ -290,7 +303,10 @@ impl StepRunner {
             MissionStep::FollowStored { items, from } => {
                 let command = MoveCommand::FollowStored { items, from };
                 scene.out.push(Out::Command(scene.now, command));
-                self.phase = Phase::Following { since: scene.now };
+                self.phase = Phase::Following {
+                    since: scene.now,
+                    is_refused: false,
+                };
             }
             MissionStep::End(end) if self.may_claim(scene) => self.finish(scene, end),
             MissionStep::End(_) => {}
@@ -299,41 +315,6 @@ impl StepRunner {
                 self.phase = Phase::Over;
             }
         }
-    }
-
-    /// Without range sensors it goes where it is going, over what is known; then the mission waits until they answer, or ends
-    /// for that. Returns whether nothing else is done.
-    fn waits_to_see(&mut self, scene: &mut RunnerContext<'_>) -> bool {
-        // What was not passed meanwhile was not looked at.
-        self.barred.clear();
-        match self.phase {
-            Phase::Choosing { from } if self.end().is_none() => {
-                from > scene.now || !self.may_claim(scene)
-            }
-            Phase::Looking { .. } => !self.may_claim(scene),
-            // Nobody knows what the autopilot drives into.
-            Phase::Following { .. } => {
-                scene.out.push(Out::Command(scene.now, MoveCommand::Hold));
-                self.think(scene.now);
-                true
-            }
-            Phase::Choosing { .. } | Phase::Driving { .. } | Phase::Over => false,
-        }
-    }
-
-    /// Returns whether place and sensors are so good that what is said of the mission is true; otherwise that is waited
-    /// for, or the mission ends for it.
-    fn may_claim(&mut self, scene: &mut RunnerContext<'_>) -> bool {
-        if scene.place.may_claim() {
-            return true;
-        }
-        if scene.place.wait(scene.now) {
-            let end = scene.place.reason();
-            self.finish(scene, end);
-        } else {
-            self.choose_at(scene.now + WAIT);
-        }
-        false
     }
 
     /// For very long nothing new was seen and no place was come to: a place that it goes for is given up, or the mission; one
@@ -393,6 +374,7 @@ impl StepRunner {
                 self.sought = None;
                 self.progress.get_on(scene.now);
                 self.yields.end();
+                scene.place.end_wait();
                 scene.emit(MissionEvent::Visited(place));
                 self.tell(scene, MissionInput::Arrived);
             }
@@ -452,6 +434,10 @@ impl StepRunner {
                     .push(Out::Command(scene.now, MoveCommand::Turn(heading)));
                 self.phase = Phase::Looking { look, at };
             }
+            // It has not turned, so it has not looked around.
+            Next::Over if at.is_none() && !look.has_looked() => {
+                self.tell(scene, MissionInput::Ready);
+            }
             Next::Over => {
                 self.tell(
                     scene,
@@ -473,7 +459,10 @@ impl StepRunner {
         let place = scene.pose().at;
         scene.pilot.give_up(place);
         match to {
-            Destination::Straight(_) | Destination::ByPath(_) | Destination::Home
+            Destination::Straight(_)
+            | Destination::ByPath(_)
+            | Destination::Doubtful(_)
+            | Destination::Home
                 if self.is_a_peer(scene, by) =>
             {
                 self.yield_to_peers(scene);

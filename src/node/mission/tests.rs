@@ -12,6 +12,7 @@ use tomoswarm_proto::{
 use super::super::tests_support::{own_state, settings, state};
 use super::*;
 use crate::actor::Input;
+use crate::node::vehicle::MoveCommand;
 
 const RUN: RunId = RunId(1);
 /// The first state of the vehicle.

@@ -128,6 +128,7 @@ impl Vehicle {
             speed_mps: telemetry.speed_mps,
             mode: self.mode(telemetry.motion),
             is_at_rest: telemetry.motion == Motion::Resting,
+            may_move: !self.is_held_back() && !self.take_over.stands(),
             is_armed: telemetry.is_armed,
             battery: telemetry.battery,
             leg: self.movement.way_from(telemetry.pose.at),

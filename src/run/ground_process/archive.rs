@@ -16,7 +16,7 @@ use crate::map::ANY_REVISION_UNTIL;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, UtcOffset};
 
-/// While nothing can be written, this many of each kind are kept, the newest.
+/// While nothing can be written, this many of each kind are kept: the newest; of tiles, which vehicles say again, any.
 const PLANS_MOST: usize = 1024;
 const PICTURES_MOST: usize = 64;
 const RUNS_MOST: usize = 1024;

@@ -17,28 +17,25 @@
 mod frontier_candidates;
 mod known_frontiers;
 mod look_history;
+mod look_search;
 mod peer_looks;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
-use self::frontier_candidates::{
-    FrontierCandidate, Ground, LookCandidate, Reach, hides_something, sees,
-};
+use self::frontier_candidates::{FrontierCandidate, Reach, hides_something, sees};
 use self::known_frontiers::KnownFrontiers;
 use self::look_history::{LookHistory, Rigour};
+use self::look_search::{FoundLook, LookSearch, NoLook};
 use self::peer_looks::{PeerLook, PeerLooks};
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
 use crate::node::mission::doubts::{CloseLook, Doubts};
-use crate::node::mission::terrain::{
-    OpenGround, PathSearch, ReachedGround, Resolution, Terrain, WAYS, is_small,
-};
+use crate::node::mission::terrain::{OpenGround, PathSearch, ReachedGround, Terrain, is_small};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
-use crate::plan::{Distances, SearchGrid};
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
 /// from as near as it can.
@@ -90,52 +87,6 @@ enum Stage {
     Going(Cell),
     /// On its way to where this cell, which may bar the way and may not, can be looked at from near.
     Doubting(Cell),
-}
-
-/// A look, and the way to where it is taken.
-struct FoundLook {
-    look: LookCandidate,
-    /// The ground that was searched.
-    grid: SearchGrid,
-    reached: Distances,
-    /// Over places too that it has driven, however near to something these are.
-    is_narrow: bool,
-}
-
-/// Why there is no look.
-enum NoLook {
-    /// The fence is too large to be searched.
-    TooLarge,
-    /// Nothing of what is to be looked at is seen from places that can be reached.
-    InVain(Box<SoughtInVain>),
-}
-
-/// What is to be looked at, and the ground from which nothing of it is seen.
-struct VainSearch {
-    rigour: Rigour,
-    candidates: Vec<FrontierCandidate>,
-    ground: SoughtInVain,
-}
-
-/// Ground from which nothing is seen of what is to be looked at.
-#[derive(Default)]
-struct SoughtInVain {
-    /// The ground searched from half cell to half cell.
-    by_halves: Option<ReachedGround>,
-    /// The ground searched from part to part, if the vehicle had room on it.
-    finely: Option<ReachedGround>,
-    /// The one by halves again, over places too that the vehicle has driven.
-    over_driven: Option<ReachedGround>,
-}
-
-impl SoughtInVain {
-    /// Returns whether a place can be reached on one of them.
-    fn is_reached(&self, place: Point) -> bool {
-        let all = [&self.by_halves, &self.finely, &self.over_driven];
-        all.into_iter()
-            .flatten()
-            .any(|ground| ground.is_reached(place))
-    }
 }
 
 /// A search or an exploration.
@@ -267,45 +218,43 @@ impl Seek {
         let occupancy = self.occupancy(around);
         let claims = around.claims();
         let search = around.terrain.search(around.now, around.pose);
+        let reach = self.reach(search.keep_m());
+        let mut ways = LookSearch::new(&search, &occupancy, &claims, reach);
         let mut in_vain = Vec::new();
         for rigour in self.prefers.rigours().iter().copied() {
             self.rigour = rigour;
             let candidates = self.rated(around, &occupancy);
-            match self.look_on_ways(&search, &occupancy, (rigour, &candidates), &claims) {
+            match ways.best(&self.looks, rigour, &candidates) {
                 Ok(found) => return self.go_and_look(around, found),
                 Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
-                Err(NoLook::InVain(ground)) => in_vain.push(VainSearch {
-                    rigour,
-                    candidates,
-                    ground: *ground,
-                }),
+                Err(NoLook::InVain) => in_vain.push((rigour, candidates)),
             }
         }
         // Peers bar what would be seen without them, on the same ways.
         let has_peers = around.peers.iter().next().is_some();
-        let is_seen_alone = |vain: &VainSearch| {
-            let sought = (vain.rigour, vain.candidates.as_slice());
-            self.look_on_ways(&search, &occupancy, sought, &[]).is_ok()
-        };
-        if has_peers && in_vain.iter().any(is_seen_alone) {
+        let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
+        let mut is_seen_alone =
+            |(rigour, sought): &(Rigour, Vec<_>)| alone.best(&self.looks, *rigour, sought).is_ok();
+        if has_peers && in_vain.iter().any(&mut is_seen_alone) {
             return MissionStep::YieldToPeers;
         }
-        let finely = in_vain.iter().find_map(|vain| vain.ground.finely.as_ref());
         if search.regards_reflex() {
             let all = search.but_for_reflex().open_finely(&claims);
             let is_worth_a_wait = |all: &OpenGround| {
-                let is_cut_off = match finely {
+                let is_cut_off = match ways.finely() {
                     Some(near) => near.is_cut_off_from(all),
                     None => search.is_cut_off_from(all, &claims),
                 };
-                let is_seen = |vain| self.is_any_seen(&search, all, &occupancy, vain);
+                let is_seen = |(rigour, sought): &(Rigour, Vec<_>)| {
+                    ways.is_any_seen(&self.looks, *rigour, sought, all)
+                };
                 is_cut_off || in_vain.iter().any(is_seen)
             };
             if all.as_ref().is_some_and(is_worth_a_wait) {
                 return MissionStep::Wait;
             }
         }
-        let finely = in_vain.into_iter().find_map(|vain| vain.ground.finely);
+        let finely = ways.into_finely();
         self.doubt(&search, finely, &claims)
     }
 
@@ -333,93 +282,10 @@ impl Seek {
         }
     }
 
-    /// Returns the best look at one of some candidates: first where there is room to spare; then through every doorway that is
-    /// wide enough; only when nothing is left so, through gaps that it has already driven itself.
-    fn look_on_ways(
-        &self,
-        search: &PathSearch<'_>,
-        occupancy: &OccupancyGrid,
-        (rigour, candidates): (Rigour, &[FrontierCandidate]),
-        claims: &[Vec<Point>],
-    ) -> Result<FoundLook, NoLook> {
-        let mut vain = SoughtInVain::default();
-        for (resolution, is_narrow) in WAYS {
-            let again = vain.by_halves.as_ref().filter(|_| is_narrow);
-            let grid = match again {
-                Some(ground) => Some(ground.grid.clone()),
-                None => search.ground(None, resolution, false, claims),
-            };
-            let Some(mut grid) = grid else {
-                return Err(NoLook::TooLarge);
-            };
-            if search.is_cramped(&grid, resolution) {
-                continue;
-            }
-            if is_narrow && !grid.open_along(search.driven()) {
-                continue;
-            }
-            let ground = self.known(&grid, occupancy, (rigour, &vain));
-            let reach = self.reach(search.keep_m());
-            match ground.best_look(search.from(), candidates, reach) {
-                Ok((look, reached)) => {
-                    return Ok(FoundLook {
-                        look,
-                        grid,
-                        reached,
-                        is_narrow,
-                    });
-                }
-                Err(None) => {}
-                Err(Some(ways)) => {
-                    let ground = ReachedGround { grid, ways: *ways };
-                    match resolution {
-                        Resolution::Cells => {}
-                        Resolution::Parts if is_narrow => vain.over_driven = Some(ground),
-                        Resolution::Parts => vain.by_halves = Some(ground),
-                        // Without anything to look at only what is near was searched.
-                        Resolution::FineParts if !ground.ways.is_whole() => {}
-                        Resolution::FineParts => vain.finely = Some(ground),
-                    }
-                }
-            }
-        }
-        Err(NoLook::InVain(Box::new(vain)))
-    }
-
-    /// Returns whether something that was sought in vain is seen from other ground that can be reached.
-    fn is_any_seen(
-        &self,
-        search: &PathSearch<'_>,
-        ground: &OpenGround,
-        occupancy: &OccupancyGrid,
-        vain: &VainSearch,
-    ) -> bool {
-        let reach = self.reach(search.keep_m());
-        self.known(&ground.grid, occupancy, (vain.rigour, &vain.ground))
-            .is_any_seen((search.from(), &ground.reached), &vain.candidates, reach)
-    }
-
-    fn known<'a>(
-        &'a self,
-        grid: &'a SearchGrid,
-        occupancy: &'a OccupancyGrid,
-        (rigour, vain): (Rigour, &'a SoughtInVain),
-    ) -> Ground<'a> {
-        Ground {
-            lattice: self.settings.lattice,
-            occupancy,
-            grid,
-            looks: &self.looks,
-            rigour,
-            vain,
-        }
-    }
-
     fn go_and_look(&mut self, around: &MissionContext<'_>, found: FoundLook) -> MissionStep {
         let FoundLook {
             look,
-            grid,
-            reached,
+            ground: ReachedGround { grid, ways },
             is_narrow,
         } = found;
         let (from, lattice) = (around.pose.at, grid.lattice());
@@ -428,7 +294,7 @@ impl Seek {
             return MissionStep::LookAt(look.at);
         }
         let to = lattice.centre(look.from);
-        let Some(route) = reached.route_to(&grid, from, to) else {
+        let Some(route) = ways.route_to(&grid, from, to) else {
             self.looks.note(&[look.at], to);
             return MissionStep::Think;
         };

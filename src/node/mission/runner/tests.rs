@@ -6,6 +6,7 @@ use tomoswarm_proto::{Boot, MissionProgress, State, TaskKind, VehicleId};
 
 use super::yield_to_peers::{PeerWay, Turn, Yield, way_aside};
 use super::*;
+use crate::autopilot::{StoredPhase, StoredProgress};
 use crate::node::OwnState;
 use crate::node::mission::In;
 use crate::node::mission::kind::tests_support::obstacle;
@@ -450,7 +451,10 @@ fn the_drawing_shows_the_phases_and_no_others() {
             asked: Time::ZERO,
         },
         Phase::Looking { look, at: None },
-        Phase::Following { since: Time::ZERO },
+        Phase::Following {
+            since: Time::ZERO,
+            is_refused: false,
+        },
         Phase::Over,
     ];
     let words: BTreeSet<String> = phases.iter().map(|phase| word(phase).to_owned()).collect();
@@ -497,4 +501,64 @@ fn a_search_that_sees_nothing_new_is_given_up_and_what_cannot_come_home_stays() 
     };
     assert!((530.0..560.0).contains(&at_s), "{at_s} s");
     assert!(matches!(rig.runner.phase, Phase::Over), "not home either");
+}
+
+#[test]
+fn a_stored_mission_that_is_refused_is_not_over_because_the_one_before_was() {
+    let items = vec![tomoswarm_proto::StoredItem::Waypoint {
+        at: Point::new(5.0, 0.0).into(),
+        stay_ms: 0,
+    }];
+    for is_refused in [false, true] {
+        let mut rig = Rig::new(TaskKind::Stored {
+            items: items.clone(),
+            from: 1,
+        });
+        rig.own.stored = Some(StoredProgress {
+            item: 1,
+            phase: StoredPhase::Over,
+        });
+        let begins = |out: &Out| matches!(out, Out::Command(_, MoveCommand::FollowStored { .. }));
+        assert!(rig.go_on(&[]).iter().any(begins));
+        if is_refused {
+            rig.runner.refused();
+        }
+        let events = rig.run(20);
+        let is_done = events.contains(&MissionEvent::Ended(EndReason::Done));
+        assert_eq!(is_done, !is_refused, "{events:?}");
+    }
+}
+
+#[test]
+fn a_look_around_of_a_vehicle_that_does_not_turn_is_none() {
+    let mut rig = Rig::new(TaskKind::Browse);
+    let mut events = Vec::new();
+    for _ in 0..6000 {
+        for out in rig.go_on(&[]) {
+            if let Out::MissionEvent(event) = out {
+                events.push(event);
+            }
+        }
+    }
+    assert_eq!(events, [MissionEvent::Ended(EndReason::Stalled)]);
+}
+
+#[test]
+fn who_is_blocked_by_a_peer_on_its_way_to_a_close_look_has_not_looked() {
+    let blocked = |by: CommandRefusal| {
+        let mut rig = behind_a_peer();
+        rig.go_on(&[]);
+        let cell = rig.runner.settings.lattice.cell_at(Point::new(9.0, 0.0));
+        rig.runner.phase = Phase::Driving {
+            to: Destination::Doubtful(cell),
+            asked: at(rig.now_s),
+        };
+        rig.go_on(&[WayEvent::Blocked(Obstruction {
+            at: Point::new(4.0, 0.0),
+            kind: ObstructionKind::Refusal(by),
+        })]);
+        rig.runner.doubts == Doubts::default()
+    };
+    assert!(blocked(CommandRefusal::Separation(VehicleId(2))));
+    assert!(!blocked(CommandRefusal::NoPose));
 }

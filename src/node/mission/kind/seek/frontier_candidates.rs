@@ -4,10 +4,9 @@ use std::ops::Range;
 
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, OccupancyGrid};
-use crate::node::mission::terrain::RULES;
+use crate::node::mission::terrain::ReachedGround;
 use crate::plan::{Component, Distances, SearchGrid};
 
-use super::SoughtInVain;
 use super::look_history::{LookHistory, Rigour};
 
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
@@ -18,6 +17,8 @@ const COST_STEP_M: f64 = 0.1;
 const RING_STEPS: [usize; 4] = [0, 32, 128, usize::MAX];
 /// Side of the squares by which candidates are found, metres.
 const SQUARE_M: f64 = 1.0;
+/// More than what is lost when squares of distances are rounded, square metres.
+const ROUNDED_M2: f64 = 1e-6;
 
 /// A frontier cell that is worth a look.
 #[derive(Clone, Copy)]
@@ -59,19 +60,20 @@ pub(super) struct Ground<'a> {
     pub looks: &'a LookHistory,
     /// How thoroughly they are looked at.
     pub rigour: Rigour,
-    /// Ground from which nothing can be seen: no look is sought there again.
-    pub vain: &'a SoughtInVain,
+    /// Grounds from which nothing can be seen: no look is sought there again.
+    pub in_vain: Vec<&'a ReachedGround>,
 }
 
 impl Ground<'_> {
-    /// Returns the best look from a place at one of the candidates, and the ways to where it is taken from. When nothing of them
-    /// can be seen from anywhere, the ways to all places; `None` when there are none.
+    /// Returns the best look from a place at one of the candidates, and the ways to where it is taken from, of which some may be
+    /// known. When nothing of them can be seen from anywhere, the ways to all places; to those near by when there are none.
     pub(super) fn best_look(
         &self,
         start: Point,
         candidates: &[FrontierCandidate],
         reach: Reach,
-    ) -> Result<(LookCandidate, Distances), Option<Box<Distances>>> {
+        mut reached: Distances,
+    ) -> Result<(LookCandidate, Distances), Box<Distances>> {
         let nodes = self.grid.lattice();
         let mut squares = self.squares(candidates, reach);
         let start_cell = nodes.cell_at(start);
@@ -80,14 +82,14 @@ impl Ground<'_> {
             .map(|one| one.penalty_m)
             .fold(f64::INFINITY, f64::min);
         let (mut best, mut best_m) = (None, f64::INFINITY);
-        let mut reached =
-            Distances::within(self.grid, start_cell, &RULES, 0.0).map_err(|_| None)?;
+        let all_known = reached.is_whole();
         // Ring by ring: what lies far away is searched only when nothing near is as good.
         for ring in RING_STEPS.windows(2).map(|ring| ring[0]..ring[1]) {
             let most_m = ring.end as f64 * COST_STEP_M;
             reached.search_to(most_m);
-            for (cost_m, cell) in by_cost(self.grid, &reached, start_cell, ring) {
-                if self.vain.is_reached(nodes.centre(cell)) {
+            let is_near = |cell| cell == start_cell || squares.has_near(nodes.centre(cell));
+            for (cost_m, cell) in by_cost(&reached, start_cell, ring, is_near) {
+                if self.is_in_vain(nodes.centre(cell)) {
                     continue;
                 }
                 // By cost upwards: from here on the way alone costs more than the best look that is known.
@@ -99,7 +101,10 @@ impl Ground<'_> {
                 } else {
                     nodes.centre(cell)
                 };
-                for (one, looked_from) in squares.near(from) {
+                // What is farther away cannot be better.
+                let spare_m = (best_m - cost_m - least_m) / AWAY_FACTOR;
+                let within_m = reach.far_m.min(reach.near_m + spare_m);
+                for (one, looked_from) in squares.near(from, within_m) {
                     let away_m = one.at.distance_to(from);
                     let score_m =
                         cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
@@ -118,14 +123,19 @@ impl Ground<'_> {
                     }
                 }
             }
-            if reached.is_whole() || most_m + least_m >= best_m {
-                return match best {
-                    Some(best) => Ok((best, reached)),
-                    None => Err(Some(Box::new(reached))),
-                };
+            let is_last = reached.is_whole() && !all_known;
+            if is_last || most_m + least_m >= best_m {
+                break;
             }
         }
-        Err(None)
+        match best {
+            Some(best) => Ok((best, reached)),
+            None => Err(Box::new(reached)),
+        }
+    }
+
+    fn is_in_vain(&self, place: Point) -> bool {
+        self.in_vain.iter().any(|ground| ground.is_reached(place))
     }
 
     /// Returns whether one of the candidates can be seen from a place that can be reached.
@@ -138,13 +148,13 @@ impl Ground<'_> {
         let nodes = self.grid.lattice();
         let (start_cell, mut squares) = (nodes.cell_at(start), self.squares(candidates, reach));
         let is_reached =
-            |cell: &Cell| reached.contains(*cell) && !self.vain.is_reached(nodes.centre(*cell));
+            |cell: &Cell| reached.contains(*cell) && !self.is_in_vain(nodes.centre(*cell));
         self.grid.area().cells().filter(is_reached).any(|cell| {
             let from = match cell == start_cell {
                 true => start,
                 false => nodes.centre(cell),
             };
-            squares.near(from).any(|(one, looked_from)| {
+            squares.near(from, reach.far_m).any(|(one, looked_from)| {
                 one.at.distance_to(from) <= reach.far_m
                     && self.rigour.is_new(looked_from, from)
                     && sees(self.occupancy, self.lattice, from, one.at)
@@ -182,41 +192,37 @@ pub(super) fn sees(occupancy: &OccupancyGrid, lattice: Lattice, from: Point, to:
         .all(|cell| occupancy.occupancy(cell) == Occupancy::Free)
 }
 
-/// Returns the cells that can be reached within a ring of costs, each with its cost in metres, the nearest first (in steps of
-/// [`COST_STEP_M`]).
+/// Returns those cells of a kind that can be reached within a ring of costs, each with its cost in metres, the nearest first (in
+/// steps of [`COST_STEP_M`]).
 fn by_cost(
-    grid: &SearchGrid,
     reached: &Distances,
     start: Cell,
     ring: Range<usize>,
-) -> impl Iterator<Item = (f64, Cell)> + use<> {
-    let mut steps: Vec<Vec<Cell>> = Vec::new();
+    mut is_wanted: impl FnMut(Cell) -> bool,
+) -> Vec<(f64, Cell)> {
     // No way costs less than it is long.
-    let far_cells = ring.end as f64 * COST_STEP_M / grid.lattice().cell_m();
+    let far_cells = ring.end as f64 * COST_STEP_M / reached.lattice().cell_m();
     let around = CellRect::new(start, start).grown(far_cells.min(1e9) as i32 + 1);
-    for cell in around
-        .overlap(grid.area())
-        .iter()
-        .flat_map(|area| area.cells())
-    {
-        let Some(cost_m) = reached.cost_m(cell) else {
-            continue;
-        };
-        let step = (cost_m / COST_STEP_M) as usize;
-        if !ring.contains(&step) {
-            continue;
-        }
-        let index = step - ring.start;
-        if index >= steps.len() {
-            steps.resize_with(index + 1, Vec::new);
-        }
-        steps[index].push(cell);
+    let in_ring = reached.costs_m(around).filter_map(|(cell, cost_m)| {
+        let step = (cost_m / COST_STEP_M) as i64 as usize;
+        (ring.contains(&step) && is_wanted(cell)).then(|| (step - ring.start, cell))
+    });
+    let found: Vec<(usize, Cell)> = in_ring.collect();
+    // Sorted by counting: of equal costs the cells stay in their order.
+    let steps = found.iter().map(|(step, _)| step + 1).max().unwrap_or(0);
+    let mut places = vec![0; steps + 1];
+    for (step, _) in &found {
+        places[step + 1] += 1;
     }
-    ring.zip(steps).flat_map(|(step, cells)| {
-        cells
-            .into_iter()
-            .map(move |cell| (step as f64 * COST_STEP_M, cell))
-    })
+    for step in 0..steps {
+        places[step + 1] += places[step];
+    }
+    let mut sorted = vec![(0.0, start); found.len()];
+    for (step, cell) in found {
+        sorted[places[step]] = ((ring.start + step) as f64 * COST_STEP_M, cell);
+        places[step] += 1;
+    }
+    sorted
 }
 
 /// Candidates by place.
@@ -263,8 +269,13 @@ impl<'a> Squares<'a> {
         )
     }
 
-    /// Returns what lies in the squares around a place.
-    fn near(&mut self, at: Point) -> impl Iterator<Item = &(FrontierCandidate, &'a [Point])> {
+    /// Returns whether something lies in the squares around a place.
+    fn has_near(&mut self, at: Point) -> bool {
+        !self.around(at).0.is_empty()
+    }
+
+    /// Returns the squares around a place with candidates, and all squares.
+    fn around(&mut self, at: Point) -> (&[usize], &[Vec<(FrontierCandidate, &'a [Point])>]) {
         let (column, row) = self.place(at);
         let (of, width, reach) = (&self.of, self.columns, self.reach);
         let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
@@ -274,7 +285,33 @@ impl<'a> Squares<'a> {
                 rows.flat_map(|row| columns.clone().map(move |column| row * width + column));
             squares.filter(|square| !of[*square].is_empty()).collect()
         });
-        around.iter().flat_map(|square| &of[*square])
+        (around, of)
+    }
+
+    /// Returns what lies in the squares around a place of which some ground is this near to it.
+    fn near(
+        &mut self,
+        at: Point,
+        within_m: f64,
+    ) -> impl Iterator<Item = &(FrontierCandidate, &'a [Point])> {
+        let (low, width) = (self.low, self.columns);
+        let (around, of) = self.around(at);
+        let is_near = move |square: &&usize| {
+            let (column, row) = (**square % width, **square / width);
+            let beside_m = |at_m: f64, low_m: f64, index: usize| {
+                let from_m = low_m + index as f64 * SQUARE_M;
+                (from_m - at_m).max(at_m - from_m - SQUARE_M).max(0.0)
+            };
+            let (x_m, y_m) = (
+                beside_m(at.x_m, low.x_m, column),
+                beside_m(at.y_m, low.y_m, row),
+            );
+            x_m * x_m + y_m * y_m <= within_m * within_m + ROUNDED_M2
+        };
+        around
+            .iter()
+            .filter(is_near)
+            .flat_map(|square| &of[*square])
     }
 }
 
