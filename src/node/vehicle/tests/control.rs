@@ -320,3 +320,26 @@ fn the_switch_of_a_remote_control_sends_home_what_nothing_else_holds() {
         (vec![AutopilotCommand::Stop], None)
     );
 }
+
+#[test]
+fn its_state_says_whether_the_vehicle_obeys_its_mission() {
+    let may_move = |vehicle: &mut Vehicle, time_s: f64| {
+        let out = fed(vehicle, time_s, telemetry(0.0, 0.0, 0.05));
+        states(&out).1.map(|own| own.may_move)
+    };
+    let mut taken = vehicle();
+    assert_eq!(may_move(&mut taken, 1.1), Some(true));
+    fed(&mut taken, 1.2, steered(Control::Remote));
+    assert_eq!(may_move(&mut taken, 1.3), Some(false));
+    let named = names_it(start(&taken, 1));
+    let of_operator = In::Order(Sender::Operator(OperatorId(1)), named);
+    fed(&mut taken, 1.4, of_operator);
+    assert_eq!(may_move(&mut taken, 1.5), Some(true));
+
+    let mut held = vehicle();
+    fed(&mut held, 1.1, given(order(OrderKind::Hold, LEASE, 1, 1)));
+    assert_eq!(may_move(&mut held, 1.2), Some(false));
+    let resume = order(OrderKind::Start, LEASE, 2, held.reports.sequence());
+    fed(&mut held, 1.3, given(resume));
+    assert_eq!(may_move(&mut held, 1.4), Some(true));
+}
