@@ -6,10 +6,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
-use crate::geom::{PixelGrid, Point, Rect};
-use crate::ground::from_config::image_settings;
-use crate::ground::imager::Subject;
-use crate::tomo::{Extras, FindSettings, Imager, ImagingSettings, Link, Solver, TomoError};
+use crate::geom::{Point, Rect};
+use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
 use clap::Args;
 
 use super::earth_files::{self, EarthFiles};
@@ -54,14 +52,16 @@ pub struct ImageCommand {
     /// How the image is found [default: as the recording says, else auto; with --why map]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
-    /// How pixels weigh in links [default: as the recording says, else what suits the solver:
+    /// How pixels weigh in links [default: as the recording says, for tv, nn, points and auto fresnel; else what suits the solver:
     /// inverse-area for map, line for tikhonov and tsvd, fresnel for the others]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
-    /// Pixels from west to east and from south to north [default: as the recording says, else 40 along the longer side]
+    /// Pixels from west to east and from south to north [default: as the recording says, with --area of another shape as many
+    /// along the longer side, and square; else 40 along the longer side]
     #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
     pub pixels: Option<(usize, usize)>,
-    /// What is imaged, in the units of the input [default: what the recording names, else what the positions enclose]
+    /// What is imaged, in the units of the input; all else stays as the recording says [default: what the recording names, else
+    /// what the positions enclose]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
     pub area: Option<Rect>,
     /// How large a cell is when the recording counts in cells of a lattice, metres: what persons and the radio's waves are
@@ -122,7 +122,7 @@ pub struct ImageCommand {
 }
 
 /// A cell of a lattice whose size nobody says, metres: the rovers that follow its lines are about so wide.
-const CELL_M: f64 = 0.3;
+pub(super) const CELL_M: f64 = 0.3;
 /// The deviation is exact up to so many pixels: a second or two, and 40 MB.
 const MOST_BLOCKS: usize = 1600;
 
@@ -437,67 +437,6 @@ impl ImageCommand {
         tried
             .try_for_each(|output| PendingFile::open(output).map(drop))
             .map_err(CliError::from)
-    }
-
-    /// Returns how the image is made: as the options say, else as the recordings say, else as usual for what the ends of
-    /// the links enclose.
-    fn settings<'a>(
-        &self,
-        links: impl Iterator<Item = &'a Link>,
-        recording: &Recording,
-    ) -> ImagingSettings {
-        let output = recording.imaging.as_ref().filter(|_| self.area.is_none());
-        let ring = bounds(links);
-        let area = self.area.or(recording.area).unwrap_or(ring);
-        let subject = if self.empty.is_empty() {
-            Subject::Structure
-        } else {
-            Subject::Change
-        };
-        let mut settings = match (output, subject) {
-            (Some(output), subject) => image_settings(
-                &output.imaging,
-                area,
-                output.reception.sensitivity_dbm,
-                subject,
-            ),
-            (None, Subject::Structure) => ImagingSettings::for_area(area),
-            (None, Subject::Change) => ImagingSettings::for_change(area),
-        };
-        if output.is_none() {
-            settings.ring = ring;
-        }
-        if let Some((columns, rows)) = self.pixels {
-            settings.grid = PixelGrid {
-                area,
-                columns,
-                rows,
-            };
-        }
-        if output.is_none() {
-            settings.finds = match recording.unit {
-                LengthUnit::Metre => FindSettings::IN_METRES,
-                LengthUnit::Cell => FindSettings::in_cells(area, self.cell.unwrap_or(CELL_M)),
-            };
-        }
-        let usual = match (self.why, output) {
-            (Some(_), _) => Some(SolverName::Map),
-            (None, Some(_)) => None,
-            (None, None) => Some(SolverName::Auto),
-        };
-        if let Some(name) = self.solver.or(usual) {
-            name.choose(&mut settings);
-        }
-        if let Some(weights) = self.weights {
-            settings.weights = weights.model(&settings);
-        }
-        if let Some(limit) = self.peaks {
-            settings.peaks.limit = limit;
-        }
-        if let Some(rate) = self.false_finds {
-            settings.finds.false_per_image = rate;
-        }
-        settings
     }
 }
 
