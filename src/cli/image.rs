@@ -9,6 +9,7 @@ use crate::config::SourceFile;
 use crate::geom::{Point, Rect};
 use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
 use clap::Args;
+use tomoswarm_proto::RunId;
 
 use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
@@ -22,7 +23,7 @@ use super::read;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
 use super::stop::StopFlag;
-use super::true_places::{Named, read_places};
+use super::true_places::{Named, TruePlaces, circles, read_places};
 use super::volume;
 
 /// Reconstructs an image from recorded links.
@@ -209,7 +210,7 @@ impl ImageCommand {
         let network = self.network(&mut made_from)?;
         let stood = match &self.marks {
             Some(marks) => read_with(marks, &mut made_from, read_places)?,
-            None => Vec::new(),
+            None => TruePlaces::default(),
         };
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
@@ -220,6 +221,8 @@ impl ImageCommand {
                 (now, empty)
             }
         };
+        self.check_run(&now, &stood)?;
+        let stood = stood.places;
         let unit = now.unit;
         self.check_venue(unit, venue.is_some())?;
         if unit == LengthUnit::Metre && self.cell.is_some() {
@@ -259,7 +262,11 @@ impl ImageCommand {
             )?),
             None => None,
         };
-        let earth = EarthFiles::of(venue.as_ref(), &result, unit)?;
+        let unit_m = match unit {
+            LengthUnit::Metre => 1.0,
+            LengthUnit::Cell => self.cell.unwrap_or(CELL_M),
+        };
+        let earth = EarthFiles::of(venue.as_ref(), &result, unit, circles(&stood, unit_m))?;
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = StopFlag::listen();
         let track = tracks.as_ref().map(Tracks::csv);
@@ -267,10 +274,7 @@ impl ImageCommand {
             result: &result,
             settings: &settings,
             unit,
-            unit_m: match unit {
-                LengthUnit::Metre => 1.0,
-                LengthUnit::Cell => self.cell.unwrap_or(CELL_M),
-            },
+            unit_m,
             stood: &stood,
             made_from: &made_from,
             track: track.as_deref(),
@@ -395,6 +399,26 @@ impl ImageCommand {
         Ok(())
     }
 
+    /// Checks that marks are of the run that is imaged, as far as both say of which they are.
+    fn check_run(&self, now: &Recording, stood: &TruePlaces) -> Result<(), CliError> {
+        let (Some(path), Some(run)) = (&self.marks, stood.run) else {
+            return Ok(());
+        };
+        if now.runs.is_empty() || now.runs.contains(&run) {
+            return Ok(());
+        }
+        let runs: Vec<String> = now.runs.iter().map(RunId::to_string).collect();
+        let reason = format!(
+            "found marks of run {run}, expected run {} as in {}",
+            runs.join(", "),
+            self.files[0].display()
+        );
+        Err(CliError::Input {
+            path: path.clone(),
+            reason,
+        })
+    }
+
     /// Checks that there is something to make an image of.
     fn check_links(&self, links: &[Link]) -> Result<(), CliError> {
         if links.len() > 1 {
@@ -477,6 +501,7 @@ fn read_files(
 ) -> Result<Recording, CliError> {
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
     let (mut pooled_in_m, mut channels, mut devices) = (None, BTreeSet::new(), Vec::new());
+    let (mut is_without_offsets, mut runs) = (!paths.is_empty(), BTreeSet::new());
     for path in paths {
         let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
         let expected = *unit.get_or_insert(recording.unit);
@@ -493,6 +518,8 @@ fn read_files(
         links.extend(recording.links);
         devices.extend(recording.devices);
         channels.extend(recording.channels);
+        runs.extend(recording.runs);
+        is_without_offsets &= recording.is_without_offsets;
         area = area.or(recording.area);
         imaging = imaging.or(recording.imaging);
         pooled_in_m = recording.pooled_in_m.filter(|_| paths.len() == 1);
@@ -503,6 +530,8 @@ fn read_files(
         area,
         imaging,
         pooled_in_m,
+        is_without_offsets,
+        runs,
         channels,
         heights_m: Vec::new(),
         in_time: Vec::new(),
