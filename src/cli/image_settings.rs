@@ -139,7 +139,6 @@ mod tests {
             area: AREA,
             reception: Reception {
                 sensitivity_dbm: -91.0,
-                ..Reception::default()
             },
             imaging: Imaging {
                 columns: 50,
