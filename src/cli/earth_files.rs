@@ -11,7 +11,7 @@ use super::read;
 use super::recording::LengthUnit;
 use crate::config::{self, Config, SourceFile, Venue};
 use crate::dash::geojson::{Features, MadeImage};
-use crate::draw::Placement;
+use crate::draw::{Overlay, Placement};
 use crate::tomo::Reconstruction;
 
 /// The files as text.
@@ -23,7 +23,7 @@ pub(super) struct EarthFiles {
 }
 
 impl EarthFiles {
-    /// Makes the files of an image; none without a venue.
+    /// Makes the files of an image, whose picture shows some overlays beside the usual ones; none without a venue.
     ///
     /// # Errors
     /// The picture cannot be laid out.
@@ -31,15 +31,20 @@ impl EarthFiles {
         venue: Option<&Venue>,
         result: &Reconstruction,
         unit: LengthUnit,
+        overlays: impl Iterator<Item = Overlay>,
     ) -> Result<Option<EarthFiles>, CliError> {
         let Some(venue) = venue else {
             return Ok(None);
         };
-        let placement = heat_map(result, unit, &format!("dB/{}", unit.word())).placement();
+        let per_length = format!("dB/{}", unit.word());
+        let mut heat = heat_map(result, unit, &per_length);
+        heat.overlays.extend(overlays);
         let Placement {
             corner,
             metres_per_px,
-        } = placement.map_err(|error| CliError::Fault(error.to_string()))?;
+        } = heat
+            .placement()
+            .map_err(|error| CliError::Fault(error.to_string()))?;
         let kind = if result.by_empty_sweep {
             "change"
         } else {

@@ -14,6 +14,8 @@ use crate::tomo::Link;
 pub(super) const NODES_HEADER: &str = "id,x_m,y_m";
 /// Farthest coordinate that is believed, metres.
 const FARTHEST_M: f64 = 1e5;
+/// Nodes nearer to each other than this stand at one place, metres.
+const APART_M: f64 = 1e-3;
 /// Most nodes of a network.
 const MOST_NODES: usize = 1000;
 /// Weakest and strongest signal that are believed, dBm.
@@ -55,6 +57,11 @@ impl NodePlaces {
         }
         for (line, text) in lines {
             let (id, at) = place(line, text)?;
+            let mut others = places.iter().filter(|(other, _)| **other != id);
+            if let Some((other, _)) = others.find(|(_, place)| place.distance_to(at) < APART_M) {
+                let found = format!("node {id} at the place of node {other}");
+                return Err(wrong(format!("{line}: "), found, "each place once"));
+            }
             if places.insert(id, at).is_some() {
                 let found = format!("node {id} a second time");
                 return Err(wrong(format!("{line}: "), found, "each node once"));
@@ -289,6 +296,10 @@ mod tests {
         check(
             "id,x_m,y_m\n0,0,0\n0,1,1\n",
             "3: found node 0 a second time",
+        );
+        check(
+            "id,x_m,y_m\n0,0,0\n1,4,1\n2,4.0000,1\n",
+            "4: found node 2 at the place of node 1, expected each place once",
         );
         check(
             "id,x_m,y_m\n0,0,0\n2,1,1\n",

@@ -6,11 +6,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
-use crate::geom::{PixelGrid, Point, Rect};
-use crate::ground::from_config::image_settings;
-use crate::ground::imager::Subject;
-use crate::tomo::{Extras, FindSettings, Imager, ImagingSettings, Link, Solver, TomoError};
+use crate::geom::{Point, Rect};
+use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
 use clap::Args;
+use tomoswarm_proto::RunId;
 
 use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
@@ -24,7 +23,7 @@ use super::read;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
 use super::stop::StopFlag;
-use super::true_places::{Named, read_places};
+use super::true_places::{Named, TruePlaces, circles, read_places};
 use super::volume;
 
 /// Reconstructs an image from recorded links.
@@ -54,14 +53,16 @@ pub struct ImageCommand {
     /// How the image is found [default: as the recording says, else auto; with --why map]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
-    /// How pixels weigh in links [default: as the recording says, else what suits the solver:
+    /// How pixels weigh in links [default: as the recording says, for tv, nn, points and auto fresnel; else what suits the solver:
     /// inverse-area for map, line for tikhonov and tsvd, fresnel for the others]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
-    /// Pixels from west to east and from south to north [default: as the recording says, else 40 along the longer side]
+    /// Pixels from west to east and from south to north [default: as the recording says, with --area of another shape as many
+    /// along the longer side, and square; else 40 along the longer side]
     #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
     pub pixels: Option<(usize, usize)>,
-    /// What is imaged, in the units of the input [default: what the recording names, else what the positions enclose]
+    /// What is imaged, in the units of the input; all else stays as the recording says [default: what the recording names, else
+    /// what the positions enclose]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
     pub area: Option<Rect>,
     /// How large a cell is when the recording counts in cells of a lattice, metres: what persons and the radio's waves are
@@ -122,7 +123,7 @@ pub struct ImageCommand {
 }
 
 /// A cell of a lattice whose size nobody says, metres: the rovers that follow its lines are about so wide.
-const CELL_M: f64 = 0.3;
+pub(super) const CELL_M: f64 = 0.3;
 /// The deviation is exact up to so many pixels: a second or two, and 40 MB.
 const MOST_BLOCKS: usize = 1600;
 
@@ -209,7 +210,7 @@ impl ImageCommand {
         let network = self.network(&mut made_from)?;
         let stood = match &self.marks {
             Some(marks) => read_with(marks, &mut made_from, read_places)?,
-            None => Vec::new(),
+            None => TruePlaces::default(),
         };
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
@@ -220,6 +221,8 @@ impl ImageCommand {
                 (now, empty)
             }
         };
+        self.check_run(&now, &stood)?;
+        let stood = stood.places;
         let unit = now.unit;
         self.check_venue(unit, venue.is_some())?;
         if unit == LengthUnit::Metre && self.cell.is_some() {
@@ -259,7 +262,11 @@ impl ImageCommand {
             )?),
             None => None,
         };
-        let earth = EarthFiles::of(venue.as_ref(), &result, unit)?;
+        let unit_m = match unit {
+            LengthUnit::Metre => 1.0,
+            LengthUnit::Cell => self.cell.unwrap_or(CELL_M),
+        };
+        let earth = EarthFiles::of(venue.as_ref(), &result, unit, circles(&stood, unit_m))?;
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = StopFlag::listen();
         let track = tracks.as_ref().map(Tracks::csv);
@@ -267,10 +274,7 @@ impl ImageCommand {
             result: &result,
             settings: &settings,
             unit,
-            unit_m: match unit {
-                LengthUnit::Metre => 1.0,
-                LengthUnit::Cell => self.cell.unwrap_or(CELL_M),
-            },
+            unit_m,
             stood: &stood,
             made_from: &made_from,
             track: track.as_deref(),
@@ -395,6 +399,26 @@ impl ImageCommand {
         Ok(())
     }
 
+    /// Checks that marks are of the run that is imaged, as far as both say of which they are.
+    fn check_run(&self, now: &Recording, stood: &TruePlaces) -> Result<(), CliError> {
+        let (Some(path), Some(run)) = (&self.marks, stood.run) else {
+            return Ok(());
+        };
+        if now.runs.is_empty() || now.runs.contains(&run) {
+            return Ok(());
+        }
+        let runs: Vec<String> = now.runs.iter().map(RunId::to_string).collect();
+        let reason = format!(
+            "found marks of run {run}, expected run {} as in {}",
+            runs.join(", "),
+            self.files[0].display()
+        );
+        Err(CliError::Input {
+            path: path.clone(),
+            reason,
+        })
+    }
+
     /// Checks that there is something to make an image of.
     fn check_links(&self, links: &[Link]) -> Result<(), CliError> {
         if links.len() > 1 {
@@ -438,67 +462,6 @@ impl ImageCommand {
             .try_for_each(|output| PendingFile::open(output).map(drop))
             .map_err(CliError::from)
     }
-
-    /// Returns how the image is made: as the options say, else as the recordings say, else as usual for what the ends of
-    /// the links enclose.
-    fn settings<'a>(
-        &self,
-        links: impl Iterator<Item = &'a Link>,
-        recording: &Recording,
-    ) -> ImagingSettings {
-        let output = recording.imaging.as_ref().filter(|_| self.area.is_none());
-        let ring = bounds(links);
-        let area = self.area.or(recording.area).unwrap_or(ring);
-        let subject = if self.empty.is_empty() {
-            Subject::Structure
-        } else {
-            Subject::Change
-        };
-        let mut settings = match (output, subject) {
-            (Some(output), subject) => image_settings(
-                &output.imaging,
-                area,
-                output.reception.sensitivity_dbm,
-                subject,
-            ),
-            (None, Subject::Structure) => ImagingSettings::for_area(area),
-            (None, Subject::Change) => ImagingSettings::for_change(area),
-        };
-        if output.is_none() {
-            settings.ring = ring;
-        }
-        if let Some((columns, rows)) = self.pixels {
-            settings.grid = PixelGrid {
-                area,
-                columns,
-                rows,
-            };
-        }
-        if output.is_none() {
-            settings.finds = match recording.unit {
-                LengthUnit::Metre => FindSettings::IN_METRES,
-                LengthUnit::Cell => FindSettings::in_cells(area, self.cell.unwrap_or(CELL_M)),
-            };
-        }
-        let usual = match (self.why, output) {
-            (Some(_), _) => Some(SolverName::Map),
-            (None, Some(_)) => None,
-            (None, None) => Some(SolverName::Auto),
-        };
-        if let Some(name) = self.solver.or(usual) {
-            name.choose(&mut settings);
-        }
-        if let Some(weights) = self.weights {
-            settings.weights = weights.model(&settings);
-        }
-        if let Some(limit) = self.peaks {
-            settings.peaks.limit = limit;
-        }
-        if let Some(rate) = self.false_finds {
-            settings.finds.false_per_image = rate;
-        }
-        settings
-    }
 }
 
 /// Reads a recording.
@@ -538,6 +501,7 @@ fn read_files(
 ) -> Result<Recording, CliError> {
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
     let (mut pooled_in_m, mut channels, mut devices) = (None, BTreeSet::new(), Vec::new());
+    let (mut is_without_offsets, mut runs) = (!paths.is_empty(), BTreeSet::new());
     for path in paths {
         let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
         let expected = *unit.get_or_insert(recording.unit);
@@ -554,6 +518,8 @@ fn read_files(
         links.extend(recording.links);
         devices.extend(recording.devices);
         channels.extend(recording.channels);
+        runs.extend(recording.runs);
+        is_without_offsets &= recording.is_without_offsets;
         area = area.or(recording.area);
         imaging = imaging.or(recording.imaging);
         pooled_in_m = recording.pooled_in_m.filter(|_| paths.len() == 1);
@@ -564,6 +530,8 @@ fn read_files(
         area,
         imaging,
         pooled_in_m,
+        is_without_offsets,
+        runs,
         channels,
         heights_m: Vec::new(),
         in_time: Vec::new(),

@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 
+use crate::config;
 use crate::geom::{Point, Rect};
 use crate::tomo::{ImagingSettings, MOST_PIXELS, Solver, WeightModel};
 
@@ -42,40 +43,46 @@ pub enum WeightsName {
 }
 
 impl SolverName {
-    /// Sets the solver, and the weights that suit it; a prior of `map` that a recording names stays.
-    pub(super) fn choose(self, settings: &mut ImagingSettings) {
-        let area = settings.grid.area;
-        let usual = ImagingSettings::for_area(area);
-        (settings.solver, settings.weights) = match self {
-            SolverName::Map if matches!(settings.solver, Solver::Map(..)) => return,
-            SolverName::Map => (usual.solver, usual.weights),
-            SolverName::Tikhonov => (ImagingSettings::tikhonov_for(area), WeightModel::Line),
-            SolverName::Tsvd => (Solver::TSVD, WeightModel::Line),
-            SolverName::Tv | SolverName::Nn | SolverName::Points | SolverName::Auto => {
-                (self.non_negative(area), settings.fresnel())
-            }
-        };
+    /// Returns the solver as a file names it.
+    pub(super) fn in_files(self) -> config::Solver {
+        match self {
+            SolverName::Map => config::Solver::Map,
+            SolverName::Tikhonov => config::Solver::Tikhonov,
+            SolverName::Tsvd => config::Solver::Tsvd,
+            SolverName::Tv => config::Solver::Tv,
+            SolverName::Nn => config::Solver::Nn,
+            SolverName::Points => config::Solver::Points,
+            SolverName::Auto => config::Solver::Auto,
+        }
     }
 
-    fn non_negative(self, area: Rect) -> Solver {
+    /// Sets the solver, and the weights that suit it, where no recording says how it is imaged; the settings are the usual ones of
+    /// their subject, by `map`.
+    pub(super) fn choose(self, settings: &mut ImagingSettings) {
+        let area = settings.grid.area;
         let sparse = ImagingSettings::sparse_for(area);
         let candidates = ImagingSettings::candidates_for(area);
-        match self {
+        settings.solver = match self {
+            SolverName::Map => return,
+            SolverName::Tikhonov => ImagingSettings::tikhonov_for(area),
+            SolverName::Tsvd => Solver::TSVD,
             SolverName::Tv => Solver::Variation(candidates),
             SolverName::Nn => Solver::NonNegative(sparse),
             SolverName::Points => Solver::Points(sparse),
-            SolverName::Map | SolverName::Tikhonov | SolverName::Tsvd | SolverName::Auto => {
-                Solver::Auto(candidates)
-            }
-        }
+            SolverName::Auto => Solver::Auto(candidates),
+        };
+        settings.weights = match settings.solver.is_non_negative() {
+            true => settings.fresnel(),
+            false => WeightModel::Line,
+        };
     }
 }
 
 impl WeightsName {
-    /// Returns the model with the width that suits 40 pixels on the longer side of an area.
-    pub(super) fn model(self, settings: &ImagingSettings) -> WeightModel {
+    /// Returns the model with a tuning width, else with the one that suits 40 pixels on the longer side of the area.
+    pub(super) fn model(self, settings: &ImagingSettings, width_m: Option<f64>) -> WeightModel {
         let area = settings.grid.area;
-        let width_m = 0.015 * area.width_m().max(area.height_m());
+        let width_m = width_m.unwrap_or(0.015 * area.width_m().max(area.height_m()));
         match self {
             WeightsName::Fresnel => settings.fresnel(),
             WeightsName::Line => WeightModel::Line,

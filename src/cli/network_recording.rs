@@ -86,6 +86,8 @@ impl NetworkRecording {
             area: None,
             imaging: None,
             pooled_in_m: None,
+            is_without_offsets: false,
+            runs: Default::default(),
             channels: Default::default(),
             heights_m: Vec::new(),
             in_time: Vec::new(),

@@ -8,6 +8,9 @@ use super::read;
 /// The sweep of a run in its folder, and the empty one.
 const SWEEP: &str = "links.csv";
 const EMPTY: &str = "empty.csv";
+/// The same, each beacon a line.
+const SAMPLES: &str = "samples.csv";
+const EMPTY_SAMPLES: &str = "empty-samples.csv";
 
 /// Returns the recording of a sweep: the file itself, or that of a run's folder.
 ///
@@ -18,7 +21,7 @@ pub(super) fn sweep_of(path: &Path) -> Result<PathBuf, CliError> {
 }
 
 /// Returns the recording of an empty sweep: the file itself, the sweep of an earlier run in its folder, or the empty sweep of the
-/// run that is imaged.
+/// run that is imaged; of samples its samples, where it has any.
 ///
 /// # Errors
 /// A folder of something else, or of a run without an empty sweep.
@@ -29,6 +32,10 @@ pub(super) fn empty_of(path: &Path, imaged: &[PathBuf]) -> Result<PathBuf, CliEr
         false => real(file).and_then(|file| file.parent().map(Path::to_owned)),
     };
     let is_same_run = path.is_dir() && imaged.iter().any(|file| folder_of(file) == real(path));
+    let are_samples = |file: &PathBuf| file.file_name().is_some_and(|name| name == SAMPLES);
+    if is_same_run && imaged.iter().all(are_samples) && path.join(EMPTY_SAMPLES).is_file() {
+        return Ok(path.join(EMPTY_SAMPLES));
+    }
     in_folder(path, if is_same_run { EMPTY } else { SWEEP })
 }
 
@@ -112,6 +119,11 @@ mod tests {
             );
             assert_eq!(empty_of(&two, &[imaged]).unwrap(), two.join(SWEEP));
         }
+        let samples = [one.join(SAMPLES)];
+        std::fs::write(&samples[0], "").unwrap();
+        assert_eq!(empty_of(&one, &samples).unwrap(), one.join(EMPTY));
+        std::fs::write(one.join(EMPTY_SAMPLES), "").unwrap();
+        assert_eq!(empty_of(&one, &samples).unwrap(), one.join(EMPTY_SAMPLES));
         let file = one.join("any.csv");
         assert_eq!(empty_of(&file, &[one]).unwrap(), file);
         let error = empty_of(&two, slice::from_ref(&two)).unwrap_err();

@@ -7,6 +7,7 @@ use std::iter;
 
 use serde::Deserialize;
 use serde_json::Value;
+use tomoswarm_proto::RunId;
 
 use super::csv::{self, CsvHeader};
 use super::samples_csv::{NEEDED, read_samples};
@@ -96,6 +97,10 @@ pub struct Recording {
     pub imaging: Option<LinksFile>,
     /// The side of the bins in which the links are pooled already, metres.
     pub pooled_in_m: Option<f64>,
+    /// Whether what radios differ by has been taken out of the links already, as a simulation does of what it writes.
+    pub is_without_offsets: bool,
+    /// Of which runs it is, as far as it says so.
+    pub runs: BTreeSet<RunId>,
     /// The channels on which it was measured, as far as it says so.
     pub channels: BTreeSet<u8>,
     /// How high both ends of each link are, metres; empty when the recording does not say it.
@@ -109,7 +114,8 @@ pub struct Recording {
 impl Recording {
     /// Pools what lies in the same bins without what radios differ by, unless it is pooled in such already, and so the recording
     /// that it is compared with; returns the links of both, and by how much the radios differ. See [`LinkBins::links_against`];
-    /// of what is pooled already nobody knows who measured it.
+    /// of what is pooled already nobody knows who measured it. Where that has been taken out of one of them already, it is found
+    /// from the other alone: what all radios have in common is no offset in either.
     pub(super) fn pooled_for(
         &self,
         empty: Option<&Recording>,
@@ -123,16 +129,19 @@ impl Recording {
             return (links, None, offsets);
         };
         let bins = [self, empty].map(|recording| recording.bins(bin_m));
-        if let [Some(now), Some(empty)] = &bins {
+        let is_mixed = self.is_without_offsets != empty.is_without_offsets;
+        if let ([Some(now), Some(empty)], false) = (&bins, is_mixed) {
             let (now, empty, offsets) = now.links_against(empty);
             return (now, Some(empty), offsets);
         }
-        let measured = |bins: &Option<LinkBins>, recording: &Recording| match bins {
-            Some(bins) => bins.measured_links(),
-            None => recording.links.clone(),
+        let links = |bins: &Option<LinkBins>, recording: &Recording, other: &Recording| match bins {
+            Some(bins) if other.is_without_offsets => bins.links_and_offsets(),
+            Some(bins) => (bins.measured_links(), None),
+            None => (recording.links.clone(), None),
         };
-        let [now, empty] = [measured(&bins[0], self), measured(&bins[1], empty)];
-        (now, Some(empty), None)
+        let (now, of_now) = links(&bins[0], self, empty);
+        let (empty, of_empty) = links(&bins[1], empty, self);
+        (now, Some(empty), of_now.or(of_empty))
     }
 
     /// Returns the bins of its links; `None` when they are pooled in such already.
@@ -261,11 +270,13 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let mut of_samples = csv::names(SAMPLES_HEADER).filter(|name| !is_of_links(name));
     let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
     let (mut heights_m, mut in_time, mut devices) = (Vec::new(), Vec::new(), Vec::new());
+    let mut runs = BTreeSet::new();
     let (links, channels, pooled_in_m) = if are_samples {
         let expected = format!("a header of samples, with {NEEDED} at least");
         let header = CsvHeader::read(number, line, SAMPLES_HEADER, expected)?;
         let samples = read_samples(&header, lines)?;
         (in_time, devices) = (samples.in_time, samples.devices);
+        runs.extend(samples.run);
         (samples.links, samples.channels, None)
     } else {
         let expected = format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
@@ -280,6 +291,8 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         area: imaging.as_ref().map(|imaging| imaging.area),
         imaging,
         pooled_in_m,
+        is_without_offsets: pooled_in_m.is_some(),
+        runs,
         channels,
         heights_m,
         in_time,
@@ -389,6 +402,8 @@ fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
         area,
         imaging: None,
         pooled_in_m: None,
+        is_without_offsets: false,
+        runs: BTreeSet::new(),
         channels: BTreeSet::new(),
         heights_m: Vec::new(),
         in_time: Vec::new(),
@@ -534,3 +549,66 @@ impl Pair {
 
 /// Weight of a packet for each end that was under way.
 const LOOSE_WEIGHT: f64 = 0.5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Imaging, Reception};
+
+    /// Samples of three vehicles, of which the third sends 6 dB more strongly; every other square two of them have measured alone.
+    fn samples() -> String {
+        let mut text =
+            "run,sequence,vehicle,boot,transmitter,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n"
+                .to_owned();
+        let mut sequence = 0;
+        for step in 0..60_i32 {
+            for (transmitter, receiver) in [(1, 2), (2, 1), (1, 3), (3, 1), (2, 3), (3, 2)] {
+                if step % 2 == 1 && transmitter + receiver == 3 {
+                    continue;
+                }
+                sequence += 1;
+                let rssi = -60 - step % 7 + if transmitter == 3 { 6 } else { 0 };
+                text += &format!(
+                    "2,{sequence},{receiver},1,{transmitter},{step},0.2,0.2,30.2,{rssi}\n"
+                );
+            }
+        }
+        text
+    }
+
+    #[test]
+    fn samples_and_the_links_of_the_same_sweep_without_offsets_show_no_change() {
+        let samples = read_recording(samples().as_bytes()).unwrap();
+        assert!(samples.devices.iter().all(Option::is_some));
+        let (pooled, _, offsets) = samples.pooled_for(None, 0.5);
+        assert!(offsets.is_some());
+        let imaging = LinksFile {
+            area: Rect::new(Point::new(0.0, 0.0), Point::new(60.0, 30.0)),
+            reception: Reception::default(),
+            imaging: Imaging {
+                bin_m: 0.5,
+                ..Imaging::default()
+            },
+        };
+        let written = Recording {
+            links: pooled,
+            imaging: Some(imaging),
+            pooled_in_m: Some(0.5),
+            is_without_offsets: true,
+            devices: Vec::new(),
+            ..samples.clone()
+        };
+        let most_db = |bin_m: f64, now: &Recording, empty: &Recording| {
+            let (now, empty, offsets) = now.pooled_for(Some(empty), bin_m);
+            assert!(offsets.is_some());
+            let pairs = now.iter().zip(empty.as_deref().unwrap_or_default());
+            let changes = pairs.map(|(now, empty)| (now.mean_dbm - empty.mean_dbm).abs());
+            changes.fold(0.0, f64::max)
+        };
+        // In other bins than it is pooled in nobody knows who measured it, and it is without offsets all the same.
+        for bin_m in [0.5, 0.25] {
+            assert!(most_db(bin_m, &samples, &written) < 1e-6);
+            assert!(most_db(bin_m, &written, &samples) < 1e-6);
+        }
+    }
+}

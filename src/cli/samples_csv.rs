@@ -53,6 +53,8 @@ pub(super) fn sample_line(text: &mut String, measured: &MeasuredSample) {
 pub(super) struct SampleLinks {
     /// Links of one packet or one miss, in the order of the file.
     pub(super) links: Vec<Link>,
+    /// Of which run they are.
+    pub(super) run: Option<RunId>,
     /// The channels on which they were measured, as far as it says so.
     pub(super) channels: BTreeSet<u8>,
     /// The links in the order in which they were measured: by UTC where all lines have it, else by the clocks of their vehicles.
@@ -164,6 +166,7 @@ pub(super) fn read_samples<'a>(
     });
     Ok(SampleLinks {
         links,
+        run: of_file,
         channels,
         in_time,
         devices,

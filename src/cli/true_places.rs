@@ -2,6 +2,7 @@
 //! reads text and writes nothing.
 
 use serde_json::{Value, json};
+use tomoswarm_proto::RunId;
 
 use super::csv::{CsvHeader, numbered};
 use super::recording::{RecordingError, wrong};
@@ -15,12 +16,21 @@ const EXPECTED: &str = "the header x_m,y_m, optionally with run,z_m,marked";
 /// How large a place is drawn, metres: about as a person.
 const RADIUS_M: f64 = 0.25;
 
+/// Where persons truly stood.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(super) struct TruePlaces {
+    /// Of which run, as far as it is known.
+    pub(super) run: Option<RunId>,
+    /// The places, in the units of the recording.
+    pub(super) places: Vec<Point>,
+}
+
 /// Reads places, as `tomoswarm export` writes the marks of a run (`run-N-marks.csv`); of columns only `x_m` and `y_m` are needed,
 /// in the units of the recording.
 ///
 /// # Errors
 /// The first line that is not as expected, marks of several runs, or no place.
-pub(super) fn read_places(text: &str) -> Result<Vec<Point>, RecordingError> {
+pub(super) fn read_places(text: &str) -> Result<TruePlaces, RecordingError> {
     let mut lines = numbered(text);
     let Some((number, line)) = lines.next() else {
         return Err(wrong("1: ".into(), "an empty file", EXPECTED));
@@ -31,12 +41,13 @@ pub(super) fn read_places(text: &str) -> Result<Vec<Point>, RecordingError> {
     let (mut places, mut run) = (Vec::new(), None);
     for (number, line) in lines {
         let fields = header.fields(number, line)?;
-        let own = of_run.map(|column| fields.text(column));
-        let first = *run.get_or_insert(own);
-        if own != first {
-            let (own, first) = (own.unwrap_or_default(), first.unwrap_or_default());
-            let expected = format!("marks of one run, {first} as in the line of the first");
-            return Err(fields.mistake(format!("run {own}"), expected));
+        if let Some(column) = of_run.filter(|column| !fields.is_empty(*column)) {
+            let own = RunId(fields.whole(column, 0, "a run")?);
+            let first = *run.get_or_insert(own);
+            if own != first {
+                let expected = format!("marks of one run, {first} as in the line of the first");
+                return Err(fields.mistake(format!("run {own}"), expected));
+            }
         }
         places.push(fields.place(columns)?);
     }
@@ -46,7 +57,7 @@ pub(super) fn read_places(text: &str) -> Result<Vec<Point>, RecordingError> {
             "no place below the header",
             "one at least",
         )),
-        false => Ok(places),
+        false => Ok(TruePlaces { run, places }),
     }
 }
 
@@ -109,11 +120,15 @@ mod tests {
     #[test]
     fn marks_of_a_run_and_a_list_by_hand_are_read() {
         let expected = vec![Point::new(3.2, 7.5), Point::new(-1.0, 2.0)];
-        for text in [
-            "run,x_m,y_m,z_m,marked\n2,3.2,7.5,0,2026-05-01T10:00:00Z\n2,-1,2,0,\n",
-            "# by hand\ny_m, x_m\n\n7.5, 3.2\n2,-1\n",
+        for (text, run) in [
+            (
+                "run,x_m,y_m,z_m,marked\n2,3.2,7.5,0,2026-05-01T10:00:00Z\n2,-1,2,0,\n",
+                Some(RunId(2)),
+            ),
+            ("# by hand\ny_m, x_m\n\n7.5, 3.2\n2,-1\n", None),
         ] {
-            assert_eq!(read_places(text).unwrap(), expected);
+            let places = expected.clone();
+            assert_eq!(read_places(text).unwrap(), TruePlaces { run, places });
         }
     }
 

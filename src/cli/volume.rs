@@ -142,23 +142,53 @@ fn ends(recording: &Recording) -> impl Iterator<Item = ([[f64; 3]; 2], Key)> + '
     recording.heights_m.iter().enumerate().map(of_link)
 }
 
+/// What was heard between two places.
+struct Pooled {
+    ends: [[f64; 3]; 2],
+    packets: f64,
+    /// Sum of the strengths, dBm.
+    sum_dbm: f64,
+}
+
+/// Returns what was heard between places, in the order in which they come first, and which of it is whose; what comes again is
+/// pooled by its packets.
+fn pooled(recording: &Recording) -> (Vec<Pooled>, BTreeMap<Key, usize>) {
+    let (mut all, mut indices): (Vec<Pooled>, BTreeMap<Key, usize>) = (Vec::new(), BTreeMap::new());
+    for (link, (ends, key)) in recording.links.iter().zip(ends(recording)) {
+        let index = *indices.entry(key).or_insert(all.len());
+        if index == all.len() {
+            all.push(Pooled {
+                ends,
+                packets: 0.0,
+                sum_dbm: 0.0,
+            });
+        }
+        if link.packets > 0 {
+            all[index].packets += f64::from(link.packets);
+            all[index].sum_dbm += f64::from(link.packets) * link.mean_dbm;
+        }
+    }
+    (all, indices)
+}
+
 /// Returns what the links have lost that were heard in both sweeps between the same places.
 fn calibrated(now: &Recording, empty: &Recording) -> Vec<VolumeLink> {
-    let keys = ends(empty).map(|(_, key)| key);
-    let partners: BTreeMap<Key, usize> = keys.zip(0..).collect();
-    let of_link = |(index, (ends, key)): (usize, ([[f64; 3]; 2], Key))| {
-        let link = &now.links[index];
-        let partner = &empty.links[*partners.get(&key)?];
-        let is_heard = link.packets > 0 && partner.packets > 0;
-        let packets = 1.0 / f64::from(link.packets) + 1.0 / f64::from(partner.packets);
+    let ((now, keys), (empty, partners)) = (pooled(now), pooled(empty));
+    let of_key = |(key, index): (&Key, &usize)| Some((*index, *partners.get(key)?));
+    let mut pairs: Vec<(usize, usize)> = keys.iter().filter_map(of_key).collect();
+    pairs.sort_unstable();
+    let of_pair = |(index, partner): (usize, usize)| {
+        let (link, partner) = (&now[index], &empty[partner]);
+        let is_heard = link.packets > 0.0 && partner.packets > 0.0;
+        let packets = 1.0 / link.packets + 1.0 / partner.packets;
         is_heard.then(|| VolumeLink {
-            from_m: ends[0],
-            to_m: ends[1],
-            attenuation_db: partner.mean_dbm - link.mean_dbm,
+            from_m: link.ends[0],
+            to_m: link.ends[1],
+            attenuation_db: partner.sum_dbm / partner.packets - link.sum_dbm / link.packets,
             sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
         })
     };
-    ends(now).enumerate().filter_map(of_link).collect()
+    pairs.into_iter().filter_map(of_pair).collect()
 }
 
 fn area_of(grid: &VoxelGrid) -> Rect {
@@ -289,5 +319,18 @@ mod tests {
         let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
         assert_eq!(losses, [6.0, 0.0]);
         assert_eq!(links[0].to_m, [9.0, 0.0, 2.0]);
+    }
+    #[test]
+    fn links_that_come_again_are_pooled_by_their_packets_in_both_sweeps() {
+        let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm\n";
+        let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
+        let now = recorded("0,0,1,9,0,2,1,-70\n9,0,2,0,0,1,3,-66\n");
+        let empty = recorded("0,0,1,9,0,2,6,-60\n0,5,1,9,5,2,4,-60\n9,0,2,0,0,1,2,-64\n");
+        let links = calibrated(&now, &empty);
+        let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+        assert_eq!(losses, [6.0]);
+        let square_db2 =
+            PACKET_SD_DB * PACKET_SD_DB * (1.0 / 4.0 + 1.0 / 8.0) + LINK_SD_DB * LINK_SD_DB;
+        assert!((links[0].sd_db - square_db2.sqrt()).abs() < 1e-12);
     }
 }

@@ -502,7 +502,7 @@ impl Board {
         let edition = (image.run, image.sequence);
         let known = self.images.get(&image.subject);
         let is_old = known
-            .is_some_and(|known| edition < known.edition && now.since(known.at) < IMAGE_STANDS);
+            .is_some_and(|known| known.is_after(edition) && now.since(known.at) < IMAGE_STANDS);
         if is_old {
             return;
         }

@@ -39,6 +39,14 @@ pub struct EarlierFinds {
 }
 
 impl NewestImage {
+    /// Returns whether it is newer than another one. Numbers of one run go on at zero after the greatest one, since starts of the
+    /// ground station begin far apart: the nearer way around says which is the later one.
+    pub fn is_after(&self, (run, sequence): (RunId, u32)) -> bool {
+        let (own_run, own_sequence) = self.edition;
+        let ahead = own_sequence.wrapping_sub(sequence).cast_signed();
+        own_run > run || (own_run == run && ahead > 0)
+    }
+
     /// Makes one of which nothing has come yet; `earlier` is what was found in those before it.
     pub fn new(now: Time, edition: (RunId, u32), earlier: VecDeque<EarlierFinds>) -> NewestImage {
         NewestImage {

@@ -50,7 +50,7 @@ pub enum Key {
 pub struct ImagePublisher {
     /// The newest image, in parts.
     parts: Vec<Image>,
-    /// Counts images; of a later start of the software it is higher.
+    /// Counts images; of a later start of the software it is higher, but for zero that follows the greatest number.
     sequence: u32,
     repeat_at: Option<Time>,
     /// When each operator was heard last.
@@ -62,6 +62,7 @@ impl ImagePublisher {
     pub fn new(boot: Boot) -> ImagePublisher {
         ImagePublisher {
             parts: Vec::new(),
+            // Bits that do not fit are starts long gone: whoever compares takes the nearer way around.
             sequence: boot.0 << IMAGES_OF_A_START,
             repeat_at: None,
             operators: BTreeMap::new(),
@@ -368,6 +369,19 @@ mod tests {
             said(4, RunId(4), structure),
             Some((ImageSubject::Structure, 3))
         );
+    }
+
+    #[test]
+    fn the_numbers_of_a_later_start_are_ahead_also_where_they_begin_again() {
+        for boot in [0, 1, 0x7FFF, 0xFFFF, 0x1_0000, u32::MAX - 1] {
+            let mut of = [boot, boot + 1].map(|boot| ImagePublisher::new(Boot(boot)));
+            let said = |publisher: &mut ImagePublisher, now_s| {
+                take(publisher, now_s, made(RUN, Subject::Change, grid(4, 4)))[0].sequence
+            };
+            let earlier = (0..9).map(|now_s| said(&mut of[0], now_s)).last().unwrap();
+            let ahead = said(&mut of[1], 9).wrapping_sub(earlier).cast_signed();
+            assert!(ahead > 0, "{ahead} after start {boot}");
+        }
     }
 
     #[test]

@@ -265,7 +265,7 @@ fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss>
     const FEWEST_FREE: usize = 8;
     let (free, rest): (Vec<Link>, Vec<Link>) = links
         .iter()
-        .filter(|link| link.length_m() >= 0.5 * settings.shortest_link_m)
+        .filter(|link| link.packets > 0 && link.length_m() >= 0.5 * settings.shortest_link_m)
         .partition(|link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m));
     if free.len() >= FEWEST_FREE {
         return PathLoss::fit(&free, settings.exponent);
@@ -487,6 +487,36 @@ mod tests {
             .collect();
         let law = calibrate(&links, None, &settings()).path_loss.unwrap();
         assert!((1.6..2.4).contains(&law.exponent), "{law:?}");
+    }
+
+    #[test]
+    fn links_along_the_sides_that_were_never_heard_give_no_law() {
+        let silent = (0..12).map(|k| Link {
+            packets: 0,
+            misses: 9,
+            ..link(0.0, 1.0, 0.0, 5.0 + f64::from(k), f64::NAN)
+        });
+        let heard = (0..40).map(|k| {
+            let x_m = 1.0 + 0.4 * f64::from(k);
+            let lost_db = if k < 4 { 12.0 } else { 0.0 };
+            link(
+                x_m,
+                0.0,
+                x_m,
+                20.0,
+                -40.0 - 20.0 * 20.0f64.log10() - lost_db,
+            )
+        });
+        let links: Vec<Link> = silent.chain(heard).collect();
+        let got = calibrate(&links, None, &settings());
+        assert!(got.path_loss.is_some());
+        let lost: Vec<f64> = got
+            .observations
+            .iter()
+            .map(|seen| seen.attenuation_db)
+            .collect();
+        assert!(lost[..4].iter().all(|db| *db > 10.0), "{lost:?}");
+        assert!(lost[4..].iter().all(|db| db.abs() < 1.0), "{lost:?}");
     }
 
     #[test]

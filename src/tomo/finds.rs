@@ -192,7 +192,7 @@ pub(super) fn find_persons(
         correlation: Correlation::new(observations, driven),
         evidence,
     };
-    let (kept, lost) = search.run(inner);
+    let (kept, lost, beyond) = search.run(inner);
     let is_located = |find: &Find| find.deviation_m() <= LOCATED * person.radius_m;
     let (found, vague) = search
         .finds(&kept)
@@ -200,16 +200,20 @@ pub(super) fn find_persons(
         .partition::<Vec<Find>, _>(is_located);
     Some(Finds {
         found,
-        next: vague.first().copied().or_else(|| search.strongest(&lost)),
+        next: vague
+            .first()
+            .copied()
+            .or_else(|| search.strongest(&lost))
+            .or_else(|| search.one_more(&kept, beyond?)),
         threshold: search.threshold,
         false_per_image: settings.false_per_image,
     })
 }
 
 impl Search<'_> {
-    /// Returns the targets that pass and those that do not.
-    fn run(&mut self, inner: Rect) -> (Vec<Judged>, Vec<Judged>) {
-        let targets = self.added(inner);
+    /// Returns the targets that pass, those that do not, and the best place of those that were not added.
+    fn run(&mut self, inner: Rect) -> (Vec<Judged>, Vec<Judged>, Option<Target>) {
+        let (targets, beyond) = self.added(inner);
         let first = self.gains(&targets);
         self.evidence
             .scale_noise(&targets_above(&first, STRONG_GAIN));
@@ -232,11 +236,12 @@ impl Search<'_> {
             self.weigh(&mut kept);
         }
         kept.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        (kept, lost)
+        (kept, lost, beyond)
     }
 
-    /// Adds persons one by one, each refined with all before it, while each gains enough.
-    fn added(&self, inner: Rect) -> Vec<Target> {
+    /// Adds persons one by one, each refined with all before it, while each gains enough; returns the best place that did not,
+    /// too.
+    fn added(&self, inner: Rect) -> (Vec<Target>, Option<Target>) {
         let evidence = &self.evidence;
         let coarsest_m = (inner.width_m() * inner.height_m() / MOST_PLACES).sqrt();
         let pitch_m = evidence.settings.pitch_m.max(coarsest_m);
@@ -255,10 +260,24 @@ impl Search<'_> {
                 Some((with, with_loss)) if loss - with_loss >= LEAST_GAIN => {
                     (targets, loss) = (with, with_loss);
                 }
-                _ => break,
+                best => return (targets, best.and_then(|(with, _)| with.last().copied())),
             }
         }
-        targets
+        (targets, None)
+    }
+
+    /// Returns a place that was not added, judged beside those that were.
+    fn one_more(&self, kept: &[Judged], beyond: Target) -> Option<Find> {
+        let before: Vec<Target> = kept.iter().map(|one| one.target).collect();
+        let (with, loss) = self.evidence.refined(&[&before[..], &[beyond]].concat());
+        let gain = self.evidence.loss(&before) - loss;
+        let mut judged = [Judged {
+            target: *with.last()?,
+            gain,
+            evidence: gain,
+        }];
+        self.weigh(&mut judged);
+        self.strongest(&judged).filter(|_| gain > 0.0)
     }
 
     /// Refines targets together, and says what each of them gains: the others are refined without it.

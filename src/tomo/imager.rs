@@ -123,7 +123,8 @@ pub fn reconstruct(
 pub struct Imager {
     settings: ImagingSettings,
     covariance: Covariance,
-    /// Dual variable and trust of each link of the last solution.
+    /// Dual variable and trust of each link of the last solution, where the next one begins; of links of one bin those of the
+    /// last of them.
     last: BTreeMap<BinKey, (f64, f64)>,
     standing: Option<EmptyScene>,
 }
@@ -134,6 +135,14 @@ struct EmptyScene {
     empty: Vec<Link>,
     /// Per pixel, the factor on the standard deviation of a change: 1 = free, near 0 = solid.
     room: Vec<f64>,
+}
+
+impl EmptyScene {
+    /// Returns whether it is that of these links.
+    fn is_of(&self, links: &[Link]) -> bool {
+        let pairs = || self.empty.iter().zip(links);
+        self.empty.len() == links.len() && pairs().all(|(own, link)| own.is_same(link))
+    }
 }
 
 /// What a snapshot keeps of an imager; the covariance follows from the settings.
@@ -329,11 +338,7 @@ impl Imager {
     /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
     /// D = 1 / (1 + (x / x₀)²), x the structure's image of the empty sweep, x₀ [`SOLID_SD`] times its prior's deviation.
     fn room_for_change(&mut self, empty: &[Link]) -> Vec<f64> {
-        if let Some(standing) = self
-            .standing
-            .as_ref()
-            .filter(|standing| standing.empty == empty)
-        {
+        if let Some(standing) = self.standing.as_ref().filter(|one| one.is_of(empty)) {
             return standing.room.clone();
         }
         let prior = ImagingSettings::prior_for(self.settings.grid.area);
@@ -395,8 +400,7 @@ impl Imager {
         let (Solver::Map(..), true) = (self.settings.solver, pixel < solved.image.len()) else {
             return None;
         };
-        let dual: Vec<f64> = links.iter().map(|link| self.start_of(link).0).collect();
-        let shares = shares(pixel, rows, &self.covariance, room, &dual);
+        let shares = shares(pixel, rows, &self.covariance, room, &solved.dual);
         let of_link = |((link, residual_db), share): ((&Observation, &f64), &f64)| LinkShare {
             from: link.from,
             to: link.to,
@@ -416,7 +420,7 @@ impl Imager {
         })
     }
 
-    /// Returns the dual variable and the trust of a link in the last solution.
+    /// Returns the dual variable and the trust with which a link begins: those of its bin in the last solution.
     fn start_of(&self, link: &Observation) -> (f64, f64) {
         let key = BinKey::of(link.from, link.to, self.settings.pairing_m).0;
         self.last.get(&key).copied().unwrap_or((0.0, 1.0))
@@ -501,12 +505,13 @@ impl Imager {
         let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
         let start = links.iter().map(|link| self.start_of(link)).unzip();
         let solution = problem.solve(settings, Some(start));
-        let states = solution.dual.into_iter().zip(solution.trust);
+        let states = solution.dual.iter().copied().zip(solution.trust);
         self.last = links.iter().map(key).zip(states).collect();
         Solved {
             image: solution.image,
             residual_db: solution.residual_db,
             nuisance: solution.nuisance,
+            dual: solution.dual,
             choice: None,
             are_persons_drawn: false,
         }
@@ -566,3 +571,6 @@ fn words(dropped: &DroppedLinks) -> String {
     let part = |(reason, count): (&DropReason, &usize)| format!("{count} {}", reason.words());
     dropped.iter().map(part).collect::<Vec<_>>().join(", ")
 }
+
+#[cfg(test)]
+mod tests;

@@ -52,6 +52,17 @@ impl Link {
         Segment::new(self.from, self.to)
     }
 
+    /// Returns whether both say the same; two that were never heard have no strength, and say the same of it.
+    pub(super) fn is_same(&self, other: &Link) -> bool {
+        let but_for_strength = |link: &Link| Link {
+            mean_dbm: 0.0,
+            ..*link
+        };
+        let is_as_strong =
+            self.mean_dbm == other.mean_dbm || (self.mean_dbm.is_nan() && other.mean_dbm.is_nan());
+        is_as_strong && but_for_strength(self) == but_for_strength(other)
+    }
+
     /// Returns the pooled packets of this link and another one whose ends lie near this one's, in this order.
     pub(super) fn pooled(&self, other: &Link) -> Link {
         let share =

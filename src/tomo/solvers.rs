@@ -62,6 +62,8 @@ pub(super) struct Solved {
     pub residual_db: Vec<f64>,
     /// The coefficients of the nuisance columns.
     pub nuisance: Vec<f64>,
+    /// The dual variable of each link; empty where the solver has none.
+    pub dual: Vec<f64>,
     /// How it was chosen, if it was.
     pub choice: Option<Choice>,
     /// Whether those who were found are drawn into the image.
@@ -224,6 +226,7 @@ fn linearly_solved(problem: &LinkProblem<'_>, image: Vec<f64>) -> Solved {
             .collect(),
         image,
         nuisance: Vec::new(),
+        dual: Vec::new(),
         choice: None,
         are_persons_drawn: false,
     }
@@ -234,6 +237,7 @@ fn solved(problem: &LinkProblem<'_>, [state]: &[LinkState; 1], image: &[[f64; 1]
         image: image.as_flattened().to_vec(),
         residual_db: state.residual_db(problem),
         nuisance: state.nuisance.clone(),
+        dual: Vec::new(),
         choice: None,
         are_persons_drawn: false,
     }

@@ -265,3 +265,44 @@ fn links_with_heights_make_a_volume() {
         &["now.csv: found links without heights", "tx_z_m"],
     );
 }
+
+#[test]
+fn the_world_file_is_that_of_the_picture_with_its_marks() {
+    let venue = include_str!("../../configs/courtyard.venue.toml");
+    let marks = "x_m,y_m\n-2,4\n";
+    let folder = folder_with(&[
+        ("now.csv", &sweep(Some((6.0, 4.0)))),
+        ("venue.toml", venue),
+        ("marks.csv", marks),
+    ]);
+    let asked = [
+        "now.csv",
+        "--solver",
+        "map",
+        "--venue",
+        "venue.toml",
+        "--png",
+        "o.png",
+    ];
+    let west_deg = |more: &[&str]| -> f64 {
+        let output = tomoswarm(folder.path(), &[&asked[..], more].concat());
+        assert!(output.status.success(), "{output:?}");
+        let world = fs::read_to_string(folder.path().join("o.pgw")).unwrap();
+        world.lines().nth(4).unwrap().parse().unwrap()
+    };
+    // A degree of longitude has about 68 km there; the mark is 2 m west of the area, and the picture grows by a little more.
+    let moved_m = (west_deg(&[]) - west_deg(&["--marks", "marks.csv"])) * 68_000.0;
+    assert!((1.5..6.0).contains(&moved_m), "{moved_m}");
+}
+
+#[test]
+fn marks_of_another_run_than_the_samples_are_refused() {
+    let now = samples(Some((6.0, 4.0)), 11);
+    let of_run = |run: u32| format!("run,x_m,y_m\n{run},6,4\n");
+    let files = [("now.csv", now.as_str()), ("marks.csv", &of_run(3))];
+    let asked = ["now.csv", "--solver", "map", "--marks", "marks.csv"];
+    let words = ["marks.csv: found marks of run 3, expected run 2 as in now.csv"];
+    check_refused(&files, &asked, &words);
+    let folder = folder_with(&[("now.csv", &now), ("marks.csv", &of_run(2))]);
+    assert!(tomoswarm(folder.path(), &asked).status.success());
+}

@@ -124,6 +124,11 @@ fn what_is_wrong_in_a_network_is_said_and_nothing_is_written() {
         &format!("{round}1, NaN, -45, -50, 11, 29, 58\n"),
         "walk.csv:2: found NaN for node 0",
     );
-    check("id,x_m,y_m\n0,1,1\n1,1,1\n2,1,1\n", round, "walk.csv: ");
+    check("id,x_m,y_m\n0,1,1\n1,2,1\n2,3,1\n", round, "walk.csv: ");
+    check(
+        "id,x_m,y_m\n0,1,1\n1,2,2\n2,1,1\n",
+        round,
+        "nodes.csv:4: found node 2 at the place of node 0",
+    );
     check(nodes, "", "walk.csv:1: found an empty file");
 }

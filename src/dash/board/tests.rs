@@ -118,6 +118,20 @@ fn stops_that_are_said_again_change_nothing_and_one_who_shows_them_does() {
 }
 
 #[test]
+fn an_image_of_a_later_start_is_newer_also_where_numbers_begin_again() {
+    for (earlier, later) in [(0x0007_0003, 0x0008_0001), (0xFFFF_0003, 1)] {
+        let mut board = board();
+        let hears = |board: &mut Board, sequence| {
+            let message = Message::Image(image(sequence, 0, 3));
+            !changes(board, 1.0, message).is_empty()
+        };
+        assert!(hears(&mut board, earlier));
+        assert!(hears(&mut board, later), "{later:#x} after {earlier:#x}");
+        assert!(!hears(&mut board, earlier), "it is older");
+    }
+}
+
+#[test]
 fn parts_of_one_image_stand_together_and_a_newer_image_takes_the_place_of_all_of_them() {
     let mut board = board();
     let of = |part| Subject::Stripe(ImageSubject::Change, part);

@@ -24,7 +24,7 @@ const FEWEST_PAIRS: u32 = 50;
 const HALF_PAIRS: f64 = 200.0;
 /// A correlation lies within these.
 const RHO: (f64, f64) = (-0.05, 0.9);
-/// Ends are farther from the ring than this, bins: then it is none.
+/// A link with an end farther from the ring than this, bins, was not driven along it.
 const OFF_RING_BINS: f64 = 3.0;
 
 /// A pair of links, and which lag it has.
@@ -37,25 +37,31 @@ struct Pair {
 
 /// Which links lie how far from each other along the ring, and how their noise goes together.
 pub(super) struct Correlation {
+    /// Whether each link was driven along the ring; the noise of others is taken for independent.
+    are_on_ring: Vec<bool>,
     pairs: Vec<Pair>,
     /// By lag.
     rho: Vec<f64>,
 }
 
 impl Correlation {
-    /// Makes the pairs of a sweep that was driven along a ring; of any other one nothing is known, and there are none.
+    /// Makes the pairs of a sweep that was driven along a ring, without the links that were not: a vehicle that went around
+    /// something. Of a sweep of which most links were not nothing is known, and there are none.
     pub(super) fn new(observations: &[Observation], driven: Option<Driven>) -> Correlation {
-        let is_on_ring = |driven: &Driven| {
-            let is_near = |at: Point| off_ring_m(at, driven.ring) <= OFF_RING_BINS * driven.bin_m;
-            observations
-                .iter()
-                .all(|one| is_near(one.from) && is_near(one.to))
+        let is_near = |at: Point| {
+            driven.is_some_and(|driven| off_ring_m(at, driven.ring) <= OFF_RING_BINS * driven.bin_m)
         };
+        let are_on_ring: Vec<bool> = observations
+            .iter()
+            .map(|one| is_near(one.from) && is_near(one.to))
+            .collect();
+        let on_ring = are_on_ring.iter().filter(|is_on_ring| **is_on_ring).count();
         let pairs = driven
-            .filter(is_on_ring)
-            .map(|driven| pairs_of(observations, driven))
+            .filter(|_| 2 * on_ring > observations.len())
+            .map(|driven| pairs_of(observations, &are_on_ring, driven))
             .unwrap_or_default();
         Correlation {
+            are_on_ring,
             pairs,
             rho: vec![0.0; (side() * side()) as usize],
         }
@@ -64,8 +70,12 @@ impl Correlation {
     /// Learns the correlation from standardized residuals, one for each link.
     pub(super) fn learn(&mut self, residuals: &[f64]) {
         let clipped: Vec<f64> = residuals.iter().map(|z| z.clamp(-CLIP, CLIP)).collect();
-        let squares: f64 = clipped.iter().map(|z| z * z).sum();
-        let mean_square = squares / clipped.len().max(1) as f64;
+        let on_ring = || {
+            let marked = clipped.iter().zip(&self.are_on_ring);
+            marked.filter(|(_, is_on_ring)| **is_on_ring)
+        };
+        let squares: f64 = on_ring().map(|(z, _)| z * z).sum();
+        let mean_square = squares / on_ring().count().max(1) as f64;
         let mut sums = vec![(0.0, 0u32); self.rho.len()];
         for pair in &self.pairs {
             let (sum, count) = &mut sums[pair.lag as usize];
@@ -130,7 +140,12 @@ fn along_ring_m(at: Point, ring: Rect) -> f64 {
     }
 }
 
-fn pairs_of(observations: &[Observation], Driven { ring, bin_m }: Driven) -> Vec<Pair> {
+/// Returns the pairs of the links that are marked.
+fn pairs_of(
+    observations: &[Observation],
+    are_on_ring: &[bool],
+    Driven { ring, bin_m }: Driven,
+) -> Vec<Pair> {
     let whole_m = 2.0 * (ring.width_m() + ring.height_m());
     let ends: Vec<(f64, f64)> = observations
         .iter()
@@ -138,7 +153,8 @@ fn pairs_of(observations: &[Observation], Driven { ring, bin_m }: Driven) -> Vec
         .collect();
     // Both orders of every link, by where the first end lies.
     let mut places: Vec<(f64, f64, u32, bool)> = Vec::with_capacity(2 * ends.len());
-    for (link, (a_m, b_m)) in (0u32..).zip(&ends) {
+    let on_ring = (0u32..).zip(&ends).zip(are_on_ring);
+    for ((link, (a_m, b_m)), _) in on_ring.filter(|(_, is_on_ring)| **is_on_ring) {
         places.push((*a_m, *b_m, link, false));
         places.push((*b_m, *a_m, link, true));
     }
@@ -251,7 +267,8 @@ mod tests {
             })
             .collect();
         let count = |observations: &[Observation]| {
-            let mut pairs: Vec<(u32, u32, u32)> = pairs_of(observations, DRIVEN)
+            let mut pairs: Vec<(u32, u32, u32)> = Correlation::new(observations, Some(DRIVEN))
+                .pairs
                 .into_iter()
                 .map(|pair| (pair.one.min(pair.other), pair.one.max(pair.other), pair.lag))
                 .collect();
@@ -301,7 +318,30 @@ mod tests {
         };
         assert!(count(&observations, Some(DRIVEN)) > 0);
         assert_eq!(count(&observations, None), 0);
-        observations[3].from = Point::new(9.0, 9.0);
+        for index in 0..observations.len() / 2 {
+            observations[index].from = Point::new(9.0, 9.0);
+        }
         assert_eq!(count(&observations, Some(DRIVEN)), 0);
+    }
+
+    #[test]
+    fn links_that_were_not_driven_along_the_ring_are_in_no_pair_and_the_others_are() {
+        let mut observations = links();
+        let all = Correlation::new(&observations, Some(DRIVEN)).pairs;
+        for index in [3, 700, 1200] {
+            observations[index].from = Point::new(9.0, 9.0);
+        }
+        let mut correlation = Correlation::new(&observations, Some(DRIVEN));
+        let is_off = |link: u32| [3, 700, 1200].contains(&link);
+        let others = all
+            .iter()
+            .filter(|pair| !is_off(pair.one) && !is_off(pair.other));
+        assert_eq!(correlation.pairs.len(), others.count());
+        assert!(correlation.pairs.len() < all.len());
+        let slow = |one: &Observation| libm::sin(0.4 * along_ring_m(one.from, RING));
+        let residuals: Vec<f64> = observations.iter().map(slow).collect();
+        correlation.learn(&residuals);
+        let together = correlation.overdispersion(&vec![1.0; residuals.len()]);
+        assert!(together > 3.0, "{together}");
     }
 }

@@ -91,9 +91,9 @@ fn too_few_links_give_a_place_and_no_find() {
     let person = Point::new(8.0, 11.0);
     let finds = find(&sweep(100, &[person], 3));
     assert!(finds.found.is_empty(), "{finds:?}");
-    if let Some(next) = finds.next {
-        assert!(next.evidence < finds.threshold && next.probability < 0.98);
-    }
+    let next = finds.next.expect("the best place");
+    assert!(next.evidence < finds.threshold && next.probability < 0.98);
+    assert!(next.evidence > 0.0 && AREA.contains(next.at), "{next:?}");
 }
 
 #[test]

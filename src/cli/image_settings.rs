@@ -1,0 +1,251 @@
+//! How `tomoswarm image` makes an image: as the options say, else as the recording says, else as usual for what the ends of the
+//! links enclose. It reads no file.
+
+use super::image::{CELL_M, ImageCommand, bounds};
+use super::image_values::SolverName;
+use super::recording::{LengthUnit, Recording};
+use crate::config::{Imaging, LinksFile};
+use crate::geom::{PixelGrid, Rect};
+use crate::ground::from_config::image_settings;
+use crate::ground::imager::Subject;
+use crate::tomo::{FindSettings, ImagingSettings, Link};
+
+/// Two areas have one shape when the ratios of their sides differ by less than this share.
+const SAME_SHAPE: f64 = 0.01;
+
+impl ImageCommand {
+    /// Returns how the image of a recording is made, whose links and those of the empty sweep are given.
+    pub(super) fn settings<'a>(
+        &self,
+        links: impl Iterator<Item = &'a Link>,
+        recording: &Recording,
+    ) -> ImagingSettings {
+        let mut settings = match &recording.imaging {
+            Some(file) => self.as_recorded(file),
+            None => self.as_usual(bounds(links), recording),
+        };
+        if let Some((columns, rows)) = self.pixels {
+            settings.grid.columns = columns;
+            settings.grid.rows = rows;
+        }
+        if let Some(weights) = self.weights {
+            let recorded = recording.imaging.as_ref();
+            let width_m = recorded.map(|file| file.imaging.width_m);
+            settings.weights = weights.model(&settings, width_m);
+        }
+        if let Some(limit) = self.peaks {
+            settings.peaks.limit = limit;
+        }
+        if let Some(rate) = self.false_finds {
+            settings.finds.false_per_image = rate;
+        }
+        settings
+    }
+
+    /// Returns the settings of a recording that says them, with another solver or another area where these are asked for. The
+    /// ring stays: it is where the links end, whatever is imaged.
+    fn as_recorded(&self, file: &LinksFile) -> ImagingSettings {
+        let recorded = &file.imaging;
+        let asked_for = self.solver.or(self.why.map(|_| SolverName::Map));
+        let imaging = Imaging {
+            solver: asked_for.map_or(recorded.solver, SolverName::in_files),
+            ..*recorded
+        };
+        let sensitivity_dbm = file.reception.sensitivity_dbm;
+        let mut settings = image_settings(&imaging, file.area, sensitivity_dbm, self.subject());
+        if let Some(area) = self.area {
+            settings.grid = grid_of(area, settings.grid);
+        }
+        settings
+    }
+
+    fn as_usual(&self, ring: Rect, recording: &Recording) -> ImagingSettings {
+        let area = self.area.or(recording.area).unwrap_or(ring);
+        let usual = match self.subject() {
+            Subject::Structure => ImagingSettings::for_area(area),
+            Subject::Change => ImagingSettings::for_change(area),
+        };
+        let finds = match recording.unit {
+            LengthUnit::Metre => FindSettings::IN_METRES,
+            LengthUnit::Cell => FindSettings::in_cells(area, self.cell.unwrap_or(CELL_M)),
+        };
+        let mut settings = ImagingSettings {
+            ring,
+            finds,
+            ..usual
+        };
+        let solver = match self.why {
+            Some(_) => SolverName::Map,
+            None => SolverName::Auto,
+        };
+        self.solver.unwrap_or(solver).choose(&mut settings);
+        settings
+    }
+
+    /// Returns what is imaged.
+    fn subject(&self) -> Subject {
+        match self.empty.is_empty() {
+            true => Subject::Structure,
+            false => Subject::Change,
+        }
+    }
+}
+
+/// Returns the pixels of another area than was recorded: as many where it has the same shape, else as many along the longer side,
+/// and square.
+fn grid_of(area: Rect, recorded: PixelGrid) -> PixelGrid {
+    let ratio = |area: Rect| area.width_m() / area.height_m();
+    if (ratio(area) / ratio(recorded.area) - 1.0).abs() < SAME_SHAPE {
+        return PixelGrid { area, ..recorded };
+    }
+    let most = recorded.columns.max(recorded.rows) as f64;
+    let longer_m = area.width_m().max(area.height_m());
+    let count = |side_m: f64| (libm::round(most * side_m / longer_m) as usize).max(1);
+    PixelGrid {
+        area,
+        columns: count(area.width_m()),
+        rows: count(area.height_m()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::cli::recording::{links_csv, read_recording};
+    use crate::config::{Prior, Reception, Solver, Weights};
+    use crate::geom::Point;
+    use crate::tomo::{self, WeightModel};
+
+    #[derive(Parser)]
+    struct Program {
+        #[command(flatten)]
+        image: ImageCommand,
+    }
+
+    const AREA: Rect = Rect {
+        min: Point::new(0.0, 0.0),
+        max: Point::new(20.0, 20.0),
+    };
+
+    /// A recording that says everything otherwise than is usual.
+    fn file() -> LinksFile {
+        let prior = |sigma_db_per_m, correlation_length_m| Prior {
+            sigma_db_per_m,
+            correlation_length_m,
+        };
+        LinksFile {
+            area: AREA,
+            reception: Reception {
+                sensitivity_dbm: -91.0,
+            },
+            imaging: Imaging {
+                columns: 50,
+                rows: 30,
+                weights: Weights::InverseArea,
+                width_m: 0.45,
+                solver: Solver::Auto,
+                bin_m: 0.25,
+                prior: prior(0.4, 0.75),
+                structure_prior: prior(0.6, 1.5),
+                min_link_m: 2.5,
+                rim_m: 1.25,
+                peak_separation_m: 2.0,
+                peaks: 3,
+                false_finds_per_image: 0.05,
+                ..Imaging::default()
+            },
+        }
+    }
+
+    fn settings(options: &[&str], file: Option<&LinksFile>) -> ImagingSettings {
+        let links = [
+            Link::fixed(Point::new(0.0, 1.0), Point::new(20.0, 20.0), 4, -60.0),
+            Link::fixed(Point::new(0.0, 0.0), Point::new(20.0, 9.0), 4, -60.0),
+        ];
+        let text = links_csv(&links, file);
+        let recording = read_recording(text.as_bytes()).unwrap();
+        let words = ["image", "now.csv"]
+            .into_iter()
+            .chain(options.iter().copied());
+        let command = Program::parse_from(words).image;
+        command.settings(recording.links.iter(), &recording)
+    }
+
+    fn recorded(solver: Solver, subject: Subject) -> ImagingSettings {
+        let file = file();
+        let imaging = Imaging {
+            solver,
+            ..file.imaging
+        };
+        image_settings(&imaging, AREA, -91.0, subject)
+    }
+
+    #[test]
+    fn another_solver_takes_the_priors_and_weights_of_the_recording() {
+        let change = |options: &[&str]| {
+            let all = [&["--empty", "empty.csv"], options].concat();
+            settings(&all, Some(&file()))
+        };
+        let as_map = recorded(Solver::Map, Subject::Change);
+        assert_eq!(change(&["--solver", "map"]), as_map);
+        assert_eq!(change(&["--why", "3,4"]), as_map);
+        let tomo::Solver::Map(prior, _) = as_map.solver else {
+            panic!("{:?}", as_map.solver);
+        };
+        assert!((prior.variance - 0.16).abs() < 1e-9 && prior.length_m == 0.75);
+        assert_eq!(as_map.weights, WeightModel::InverseArea { width_m: 0.45 });
+        assert_eq!(change(&[]), recorded(Solver::Auto, Subject::Change));
+        for (name, solver) in [
+            ("tikhonov", Solver::Tikhonov),
+            ("tsvd", Solver::Tsvd),
+            ("nn", Solver::Nn),
+        ] {
+            assert_eq!(
+                change(&["--solver", name]),
+                recorded(solver, Subject::Change)
+            );
+        }
+        let weights = change(&["--area", "5,5,10,10", "--weights", "ellipse"]).weights;
+        assert_eq!(weights, WeightModel::Ellipse { width_m: 0.45 });
+        let structure = settings(&["--solver", "map"], Some(&file()));
+        assert_eq!(structure, recorded(Solver::Map, Subject::Structure));
+    }
+
+    #[test]
+    fn without_settings_the_prior_of_map_is_that_of_what_is_imaged() {
+        let usual = |options: &[&str]| settings(options, None).solver;
+        let change = ["--empty", "empty.csv", "--solver", "map"];
+        assert_eq!(usual(&change), ImagingSettings::for_change(AREA).solver);
+        assert_eq!(usual(&change[2..]), ImagingSettings::for_area(AREA).solver);
+        assert_eq!(
+            usual(&["--why", "3,4"]),
+            ImagingSettings::for_area(AREA).solver
+        );
+    }
+
+    #[test]
+    fn another_area_changes_the_pixels_alone() {
+        let of = |area: &str| settings(&["--empty", "e.csv", "--area", area], Some(&file()));
+        let all = recorded(Solver::Auto, Subject::Change);
+        for (text, columns, rows) in [("5,5,15,15", 50, 30), ("5,5,15,10", 50, 25)] {
+            let part = of(text);
+            assert_eq!(
+                (part.grid.columns, part.grid.rows),
+                (columns, rows),
+                "{text}"
+            );
+            assert_eq!(part.grid.area.min, Point::new(5.0, 5.0));
+            assert_eq!(part.ring, AREA);
+            let grid = all.grid;
+            assert_eq!(ImagingSettings { grid, ..part }, all, "{text}");
+        }
+        let told = ["--area", "5,5,15,15", "--pixels", "7x9", "--peaks", "2"];
+        let told = settings(&told, Some(&file()));
+        assert_eq!(
+            (told.grid.columns, told.grid.rows, told.peaks.limit),
+            (7, 9, 2)
+        );
+    }
+}

@@ -1,0 +1,68 @@
+//! What an imager keeps from one image to the next, and the shares of a pixel.
+
+use super::*;
+use crate::geom::Rect;
+
+const AREA: Rect = Rect {
+    min: Point::new(0.0, 0.0),
+    max: Point::new(20.0, 20.0),
+};
+
+/// Links across the area, so many metres apart, of which those at 9 to 11 m have lost something.
+fn links(apart_m: f64) -> Vec<Link> {
+    let count = (18.0 / apart_m) as usize;
+    let of = |k: usize| {
+        let at_m = 1.0 + apart_m * k as f64;
+        let is_dark = (9.0..=11.0).contains(&at_m);
+        // No two of them have lost the same.
+        let strength = if is_dark { -70.0 - at_m } else { -60.0 };
+        let up = (Point::new(at_m, 0.0), Point::new(at_m, 20.0));
+        let across = (Point::new(0.0, at_m), Point::new(20.0, at_m));
+        [up, across].map(|(from, to)| Link::fixed(from, to, 20, strength))
+    };
+    (0..count).flat_map(of).collect()
+}
+
+#[test]
+fn shares_sum_to_their_pixel_where_links_lie_in_one_bin() {
+    let settings = ImagingSettings::for_area(AREA);
+    let now = links(0.1);
+    let key = |link: &Link| BinKey::of(link.from, link.to, settings.pairing_m).0;
+    let keys: std::collections::BTreeSet<BinKey> = now.iter().map(key).collect();
+    assert!(
+        4 * keys.len() < now.len(),
+        "{} of {}",
+        keys.len(),
+        now.len()
+    );
+    let pixel = settings.grid.pixel_at(Point::new(10.1, 10.1)).unwrap();
+    let extras = Extras {
+        shares_of: Some(pixel),
+        ..Extras::default()
+    };
+    let made = Imager::new(settings)
+        .and_then(|mut imager| imager.update(&now, None, extras))
+        .unwrap();
+    let (value, shares) = (made.image.values[pixel], made.shares.unwrap());
+    let sum: f64 = shares.links.iter().map(|link| link.share).sum();
+    assert!(value > 0.2, "{value}");
+    assert!((sum - value).abs() < 1e-9, "{sum} of {value}");
+}
+
+#[test]
+fn what_stood_there_is_imaged_once_for_one_empty_sweep() {
+    let mut empty = links(1.0);
+    empty.push(Link {
+        misses: 9,
+        ..Link::fixed(Point::new(0.0, 3.3), Point::new(20.0, 7.1), 0, f64::NAN)
+    });
+    let settings = ImagingSettings::for_change(AREA);
+    let mut imager = Imager::new(settings).unwrap();
+    let room = imager.room_for_change(&empty);
+    assert_eq!(room.len(), settings.grid.len());
+    let marked = vec![0.5; room.len()];
+    imager.standing.as_mut().unwrap().room.clone_from(&marked);
+    assert_eq!(imager.room_for_change(&empty), marked);
+    empty[0].mean_dbm -= 1.0;
+    assert_ne!(imager.room_for_change(&empty), marked);
+}
