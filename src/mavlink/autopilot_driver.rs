@@ -486,3 +486,62 @@ fn say(out: &mut Vec<DriverOut>, message: MavMessage) {
 fn text(out: &mut Vec<DriverOut>, text: String, warns: bool) {
     out.push(DriverOut::Text { text, warns });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failsafes_that_stay_unknown_are_asked_for_again_and_at_once_on_a_new_connection() {
+        let mut driver = MavlinkDriver::new(tests_support::settings());
+        let hear = |driver: &mut MavlinkDriver, at_s: f64, message| {
+            let frame = Frame {
+                from: driver.target(),
+                sequence: 0,
+                content: Content::Message(Box::new(message)),
+            };
+            driver.hear(Time::from_secs_f64(at_s), &frame, &mut Vec::new());
+        };
+        let asks = |driver: &mut MavlinkDriver, at_s: f64| {
+            let mut out = Vec::new();
+            driver.due(Time::from_secs_f64(at_s), &mut out);
+            let is_asked = |said: &DriverOut| match said {
+                DriverOut::Say(message) => {
+                    matches!(message.as_ref(), MavMessage::PARAM_REQUEST_READ(_))
+                }
+                _ => false,
+            };
+            out.iter().any(is_asked)
+        };
+        let heartbeat = MavMessage::HEARTBEAT(d::HEARTBEAT_DATA {
+            mavtype: MavType::MAV_TYPE_GROUND_ROVER,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            ..d::HEARTBEAT_DATA::default()
+        });
+        hear(&mut driver, 1.0, heartbeat);
+        for at_s in [1.0, 1.5, 2.0, 2.5] {
+            assert!(asks(&mut driver, at_s), "{at_s}");
+        }
+        assert!(!asks(&mut driver, 3.0) && !asks(&mut driver, 7.9));
+        assert!(asks(&mut driver, 8.0), "5 s after the last answer was due");
+        driver.reconnected(Time::from_secs_f64(8.1));
+        assert!(asks(&mut driver, 8.1), "at once");
+        for (name, value) in [
+            ("BATT_MONITOR", 0.0),
+            ("FENCE_ENABLE", 0.0),
+            ("FS_GCS_ENABLE", 0.0),
+            ("SYSID_MYGCS", 255.0),
+        ] {
+            let value = MavMessage::PARAM_VALUE(d::PARAM_VALUE_DATA {
+                param_id: name.into(),
+                param_value: value,
+                ..d::PARAM_VALUE_DATA::default()
+            });
+            hear(&mut driver, 8.2, value);
+        }
+        for at_s in [8.6, 9.1, 9.6] {
+            assert!(asks(&mut driver, at_s), "some are unanswered: {at_s}");
+        }
+        assert!(!asks(&mut driver, 99.0), "what must be known is");
+    }
+}
