@@ -98,7 +98,7 @@ pub use waypoint_file::{
     Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, TurnDirection,
     WaypointFile,
 };
-pub use xbee_port::{XBEE_BAUDS, XbeePort};
+pub use xbee_port::{XBEE_BAUDS, XBEE_POWERS_DBM, XbeePort};
 
 pub use to_toml::{key_tables, to_toml};
 

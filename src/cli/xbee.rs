@@ -43,14 +43,9 @@ struct SetupArgs {
     /// The venue's file: it says the channel, and its network follows from it
     #[arg(long, value_name = "FILE")]
     venue: PathBuf,
-    /// Transmit power, dBm
-    #[arg(
-        long,
-        value_name = "DBM",
-        default_value_t = 0,
-        allow_hyphen_values = true
-    )]
-    power_dbm: i8,
+    /// Transmit power, dBm: that of a level of the module (XBee 3 and S2C: -5, -1, 2, 5, 8) [default: as it is]
+    #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
+    power_dbm: Option<i8>,
     /// Its baud rate from then on
     #[arg(long, value_name = "B", default_value_t = 115_200, value_parser = baud)]
     baud: u32,
@@ -71,7 +66,7 @@ struct ShowArgs {
     /// The venue's file
     #[arg(long, value_name = "FILE", requires = "vehicle")]
     venue: Option<PathBuf>,
-    /// Transmit power, dBm [default: 0]
+    /// Compare its transmit power with this one, too, dBm
     #[arg(
         long,
         value_name = "DBM",
@@ -104,8 +99,13 @@ impl XbeeArgs {
 impl SetupArgs {
     fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let settings = SetupSettings {
-            module: settings(self.vehicle, &self.venue, self.power_dbm)?,
+            module: settings(
+                self.vehicle,
+                &self.venue,
+                self.power_dbm.unwrap_or_default(),
+            )?,
             baud: self.baud,
+            keeps_power: self.power_dbm.is_none(),
         };
         let mut found = |baud: u32, mode: Option<ApiMode>| {
             let spoke = match mode {
@@ -115,23 +115,37 @@ impl SetupArgs {
             complain(&format!("found at {baud} baud, {spoke}"));
         };
         let set = set_up(&self.port, settings, &mut found).map_err(|error| error_of(&error))?;
-        show(&set, out)
+        show(&set, out)?;
+        let Some(power_dbm) = set.power_dbm() else {
+            return Ok(());
+        };
+        writeln!(
+            out,
+            "the vehicle's file is to say: [radio] power_dbm = {power_dbm}"
+        )
+        .map_err(CliError::stdout)
     }
 }
 
 impl ShowArgs {
     fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let wanted = match (self.vehicle, &self.venue) {
-            (Some(vehicle), Some(venue)) => {
-                let power_dbm = self.power_dbm.unwrap_or_default();
-                Some(settings(vehicle, venue, power_dbm)?)
-            }
+            (Some(vehicle), Some(venue)) => Some(settings(
+                vehicle,
+                venue,
+                self.power_dbm.unwrap_or_default(),
+            )?),
             // One needs the other.
             (Some(_), None) | (None, _) => None,
         };
         let found = registers(&self.port, self.baud).map_err(|error| error_of(&error))?;
         show(&found, out)?;
         let Some(wanted) = wanted else { return Ok(()) };
+        let of_its_own = found.power_dbm().unwrap_or(wanted.power_dbm);
+        let wanted = ModuleSettings {
+            power_dbm: self.power_dbm.unwrap_or(of_its_own),
+            ..wanted
+        };
         match found.mismatches(&wanted) {
             differences if differences.is_empty() => Ok(()),
             differences => Err(CliError::Swarm(Mismatches(differences).to_string())),

@@ -69,7 +69,7 @@ pub struct OwnRadio {
 impl Keyed for OwnRadio {
     fn keys(&mut self, to: &mut dyn Keys) {
         let OwnRadio { power_dbm } = self;
-        let means = "transmit power, a whole number; beacons report it";
+        let means = "transmit power, a whole number; beacons report it. Of an XBee that of its level (XBee 3 and S2C: -5, -1, 2, 5 or 8)";
         to.form(
             &mut Power(power_dbm),
             KeyEntry {

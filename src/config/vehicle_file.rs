@@ -536,6 +536,7 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
     let swarm = &venue.swarm;
     check_task(root, file.task.as_ref(), venue);
     if let RadioDriver::Xbee(xbee) = &file.drivers.radio {
+        XbeePort::check_power(root.source, file.radio.power_dbm);
         xbee.check_slot(root.source, swarm, &file.venue_file);
     }
     let is_sound = |keys: &[&str]| root.source.is_sound(keys);

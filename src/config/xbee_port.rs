@@ -14,6 +14,11 @@ pub const XBEE_BAUDS: [u32; 9] = [
     1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400,
 ];
 
+/// Transmit powers that levels of modules have, dBm: S1, S2C, XBee 3, and those of each with more power (`PL` in the manuals).
+pub const XBEE_POWERS_DBM: [i8; 19] = [
+    -10, -6, -5, -4, -3, -2, -1, 0, 2, 3, 5, 8, 10, 12, 14, 15, 16, 18, 19,
+];
+
 /// Bytes of a frame around a beacon, the same to the module and from it (Digi 90000982, frames 0x01 and 0x81).
 const FRAME_BYTES: usize = 9;
 /// Bits on the serial line for each byte.
@@ -41,6 +46,16 @@ impl XbeePort {
     pub fn latency_ms(&self, bytes: usize) -> f64 {
         let line_ms = BITS * (bytes + FRAME_BYTES) as f64 * 1e3 / f64::from(self.baud);
         2.0 * line_ms + AIR_MOST_MS + AIR_BYTE_MS * bytes as f64
+    }
+
+    /// Refuses a transmit power that no module has.
+    pub(super) fn check_power(source: &Source<'_>, power_dbm: i8) {
+        if XBEE_POWERS_DBM.contains(&power_dbm) || !source.is_sound(&["radio"]) {
+            return;
+        }
+        let known = XBEE_POWERS_DBM.map(|power| power.to_string()).join(", ");
+        let allowed = format!("allowed: {known}; `tomoswarm xbee show` says which one it is");
+        source.refuse("radio.power_dbm", "is none that an XBee has", &allowed);
     }
 
     /// Refuses slots in which a beacon is not heard before the next vehicle speaks.

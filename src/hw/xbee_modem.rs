@@ -20,7 +20,7 @@ mod troubles;
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Beacon, Message, RadioHealth, codec};
+use tomoswarm_proto::{BEACON_BYTES_MAX, Beacon, Message, RadioHealth, codec};
 
 use self::incoming::Incoming;
 pub use self::troubles::ModemTrouble;
@@ -29,10 +29,11 @@ use super::xbee_frame::{ApiMode, Decoder, Frame, encode};
 use super::xbee_registers::{
     Answer, Mismatches, ModuleSettings, ReadState, RegisterReads, Registers,
 };
+use crate::config::XbeePort;
 use crate::node::radio::HeardBeacon;
 use crate::time::Time;
 
-/// Without a word of the module for so long a beacon counts as not sent.
+/// Without a word of the module for so long, beside the time on the way, a beacon counts as not sent.
 const STATUS_WITHIN: Duration = Duration::from_millis(200);
 /// After so many of these one after the other the module is asked for its registers again.
 const STATUSES_MISSING: u8 = 3;
@@ -66,6 +67,7 @@ pub enum ModemOut {
 #[derive(Clone, Debug)]
 pub struct XbeeModem {
     settings: ModuleSettings,
+    status_within: Duration,
     decoder: Decoder,
     state: State,
     /// What was read of the module last.
@@ -123,6 +125,7 @@ impl XbeeModem {
     pub fn new(settings: ModuleSettings) -> XbeeModem {
         XbeeModem {
             settings,
+            status_within: STATUS_WITHIN,
             decoder: Decoder::new(settings.mode),
             state: State::Closed,
             registers: Registers::default(),
@@ -135,6 +138,16 @@ impl XbeeModem {
             counts: RadioHealth::default(),
             foreign: 0,
             troubles: RecentTroubles::default(),
+        }
+    }
+
+    /// Takes the time that a beacon is on its way over this port, and over the air, for part of the wait for its status.
+    #[must_use]
+    pub fn on_port(self, port: &XbeePort) -> XbeeModem {
+        let latency_ms = port.latency_ms(BEACON_BYTES_MAX);
+        XbeeModem {
+            status_within: STATUS_WITHIN + Duration::from_secs_f64(latency_ms / 1e3),
+            ..self
         }
     }
 
@@ -379,7 +392,7 @@ impl XbeeModem {
         match frame_of(beacon, id, most, self.settings.mode) {
             Ok(bytes) => {
                 self.last_id = id;
-                let until = now + STATUS_WITHIN;
+                let until = now + self.status_within;
                 self.in_flight = Some(InFlight { id, number, until });
                 out.push(ModemOut::Write(bytes));
             }

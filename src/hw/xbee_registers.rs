@@ -116,8 +116,8 @@ impl ModuleKind {
             0x17 => Some(ModuleKind::S1),
             0x18 => Some(ModuleKind::S1Pro),
             0x22 | 0x2E => Some(ModuleKind::S2c),
-            0x21 | 0x2D => Some(ModuleKind::S2cPro),
-            0x41 | 0x42 => Some(ModuleKind::Xbee3),
+            0x21 | 0x2D | 0x30 => Some(ModuleKind::S2cPro),
+            0x41..=0x43 | 0x52 => Some(ModuleKind::Xbee3),
             _ => None,
         }
     }
@@ -400,6 +400,32 @@ mod tests {
         );
         assert_eq!(registers(&s1).payload_most(), 100);
         assert_eq!(registers(&[(NP, Some(255))]).payload_most(), 116);
+    }
+
+    #[test]
+    fn a_hardware_version_tells_which_module_it_is() {
+        for (version, kind) in [
+            (0x1744, Some(ModuleKind::S1)),
+            (0x2E4C, Some(ModuleKind::S2c)),
+            (0x2D44, Some(ModuleKind::S2cPro)),
+            (0x3042, Some(ModuleKind::S2cPro)),
+            (0x4141, Some(ModuleKind::Xbee3)),
+            (0x4242, Some(ModuleKind::Xbee3)),
+            (0x4349, Some(ModuleKind::Xbee3)),
+            (0x5241, Some(ModuleKind::Xbee3)),
+            (0x1942, None),
+        ] {
+            assert_eq!(ModuleKind::of_hardware(version), kind, "{version:04X}");
+        }
+    }
+
+    #[test]
+    fn a_file_may_name_the_power_of_every_level() {
+        use ModuleKind::{S1, S1Pro, S2c, S2cPro, Xbee3};
+        for kind in [S1, S1Pro, S2c, S2cPro, Xbee3] {
+            let known = |power_dbm| crate::config::XBEE_POWERS_DBM.contains(&power_dbm);
+            assert!(kind.powers_dbm().into_iter().all(known), "{kind:?}");
+        }
     }
 
     #[test]

@@ -42,6 +42,8 @@ pub struct SetupSettings {
     pub module: ModuleSettings,
     /// At which baud rate it is to speak: one of those that modules have.
     pub baud: u32,
+    /// Its power stays as it is, whatever is named there.
+    pub keeps_power: bool,
 }
 
 /// What the set-up says.
@@ -325,6 +327,11 @@ impl XbeeSetup {
 
     /// Judges what was read: in the beginning whether the module can be set up, in the end whether it is.
     fn judge(&mut self, now: Time, found: Registers, is_set: bool, out: &mut Vec<SetupOut>) {
+        if let (true, false, Some(power_dbm)) =
+            (self.settings.keeps_power, is_set, found.power_dbm())
+        {
+            self.settings.module.power_dbm = power_dbm;
+        }
         let mut mismatches = found.mismatches(&self.settings.module);
         if !is_set {
             mismatches.retain(|mismatch| !mismatch.can_be_set());

@@ -32,7 +32,7 @@ mod upload;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
+use tomoswarm_proto::{AutopilotHealth, FailsafeAction, Fix, Sender};
 
 use super::dialect::{
     self as d, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
@@ -67,6 +67,9 @@ pub enum PlaceSource {
     /// LOCAL_POSITION_NED, counted from GPS_GLOBAL_ORIGIN: indoors.
     Local,
 }
+
+/// Parameters that must be known and stay unanswered are asked for again after this time.
+const PARAMETERS_AGAIN: Duration = Duration::from_secs(5);
 
 /// What a driver is told before it starts.
 #[derive(Clone, Debug)]
@@ -219,6 +222,27 @@ impl MavlinkDriver {
         }
     }
 
+    /// Notes that the connection to the autopilot was opened anew: what got no answer may get one now.
+    pub fn reconnected(&mut self, now: Time) {
+        if let Some(parameters) = &mut self.parameters {
+            parameters.begin_again(now);
+        }
+    }
+
+    /// Returns when parameters are asked for again; `None` while they are asked for, or what must be known of them is.
+    fn parameters_again(&self) -> Option<Time> {
+        let parameters = self.parameters.as_ref()?;
+        let since = parameters.left_since()?;
+        let (kind, own) = (self.settings.kind, self.settings.own.system);
+        let failsafes = failsafes::failsafes(kind, own, parameters.values());
+        let is_unknown = |(_, action): &(&str, FailsafeAction)| *action == FailsafeAction::Unknown;
+        let needed = failsafes.needed();
+        needed
+            .iter()
+            .any(is_unknown)
+            .then(|| since + PARAMETERS_AGAIN)
+    }
+
     /// Returns who it speaks with.
     fn target(&self) -> MavAddress {
         MavAddress {
@@ -250,7 +274,7 @@ impl MavlinkDriver {
         let is_read = self
             .parameters
             .as_ref()
-            .is_some_and(ParameterReads::is_over);
+            .is_some_and(ParameterReads::has_been_over);
         let health = self.health(now).filter(|_| is_read);
         let Some(AutopilotHealth { failsafes, .. }) = health else {
             return false;
@@ -382,6 +406,7 @@ impl MavlinkDriver {
             self.setup.deadline(),
             self.orders.deadline(),
             parameters,
+            self.parameters_again(),
             servo,
         ]
         .into_iter()
@@ -400,7 +425,11 @@ impl MavlinkDriver {
             .due(now, target, &self.settings, &self.heard, out);
         self.orders.due(now, target, &self.settings, out);
         self.servo.due(now, target, out);
+        let is_again = self.parameters_again().is_some_and(|at| at <= now);
         if let Some(parameters) = &mut self.parameters {
+            if is_again {
+                parameters.begin_again(now);
+            }
             let mut said = Vec::new();
             parameters.due(now, &mut said);
             said.into_iter().for_each(|message| say(out, message));
@@ -456,4 +485,63 @@ fn say(out: &mut Vec<DriverOut>, message: MavMessage) {
 
 fn text(out: &mut Vec<DriverOut>, text: String, warns: bool) {
     out.push(DriverOut::Text { text, warns });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failsafes_that_stay_unknown_are_asked_for_again_and_at_once_on_a_new_connection() {
+        let mut driver = MavlinkDriver::new(tests_support::settings());
+        let hear = |driver: &mut MavlinkDriver, at_s: f64, message| {
+            let frame = Frame {
+                from: driver.target(),
+                sequence: 0,
+                content: Content::Message(Box::new(message)),
+            };
+            driver.hear(Time::from_secs_f64(at_s), &frame, &mut Vec::new());
+        };
+        let asks = |driver: &mut MavlinkDriver, at_s: f64| {
+            let mut out = Vec::new();
+            driver.due(Time::from_secs_f64(at_s), &mut out);
+            let is_asked = |said: &DriverOut| match said {
+                DriverOut::Say(message) => {
+                    matches!(message.as_ref(), MavMessage::PARAM_REQUEST_READ(_))
+                }
+                _ => false,
+            };
+            out.iter().any(is_asked)
+        };
+        let heartbeat = MavMessage::HEARTBEAT(d::HEARTBEAT_DATA {
+            mavtype: MavType::MAV_TYPE_GROUND_ROVER,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            ..d::HEARTBEAT_DATA::default()
+        });
+        hear(&mut driver, 1.0, heartbeat);
+        for at_s in [1.0, 1.5, 2.0, 2.5] {
+            assert!(asks(&mut driver, at_s), "{at_s}");
+        }
+        assert!(!asks(&mut driver, 3.0) && !asks(&mut driver, 7.9));
+        assert!(asks(&mut driver, 8.0), "5 s after the last answer was due");
+        driver.reconnected(Time::from_secs_f64(8.1));
+        assert!(asks(&mut driver, 8.1), "at once");
+        for (name, value) in [
+            ("BATT_MONITOR", 0.0),
+            ("FENCE_ENABLE", 0.0),
+            ("FS_GCS_ENABLE", 0.0),
+            ("SYSID_MYGCS", 255.0),
+        ] {
+            let value = MavMessage::PARAM_VALUE(d::PARAM_VALUE_DATA {
+                param_id: name.into(),
+                param_value: value,
+                ..d::PARAM_VALUE_DATA::default()
+            });
+            hear(&mut driver, 8.2, value);
+        }
+        for at_s in [8.6, 9.1, 9.6] {
+            assert!(asks(&mut driver, at_s), "some are unanswered: {at_s}");
+        }
+        assert!(!asks(&mut driver, 99.0), "what must be known is");
+    }
 }

@@ -1,8 +1,10 @@
 //! Reading some parameters by their names (<https://mavlink.io/en/services/parameter.html>). An autopilot says nothing of a name that
-//! it has not, so one that stays unanswered is asked for a few times and then left. A pure machine.
+//! it has not, so one that stays unanswered is asked for a few times and then left, until it is asked for anew. A pure machine.
 //!
 //! ```text
 //!   Asking (all that are left, again and again) ─ all answered, or asked often enough ─► over
+//!     ▲                                                                                 │
+//!     └────────────────────────────── begun again, some left ───────────────────────────┘
 //! ```
 
 use std::collections::BTreeMap;
@@ -25,6 +27,8 @@ pub struct ParameterReads {
     values: BTreeMap<&'static str, f32>,
     due: Time,
     times: u32,
+    /// It was over before it was begun again.
+    was_over: bool,
 }
 
 impl ParameterReads {
@@ -36,7 +40,24 @@ impl ParameterReads {
             values: BTreeMap::new(),
             due: now,
             times: 0,
+            was_over: false,
         }
+    }
+
+    /// Asks for what is unanswered as in the beginning.
+    pub fn begin_again(&mut self, now: Time) {
+        self.was_over |= self.is_over();
+        (self.due, self.times) = (now, 0);
+    }
+
+    /// Returns since when nothing is asked for although some are unanswered; `None` while they are, and when there are none.
+    pub fn left_since(&self) -> Option<Time> {
+        (!self.left.is_empty() && self.is_over()).then_some(self.due)
+    }
+
+    /// Returns whether it is over, or was before it was begun again.
+    pub fn has_been_over(&self) -> bool {
+        self.was_over || self.is_over()
     }
 
     /// Hears a value; one that nobody asked for changes nothing. Values change while others set them: the newest counts.
@@ -133,7 +154,14 @@ mod tests {
             assert_eq!(asked(&mut reads, Time::from_secs_f64(second)), ["NO_SUCH"]);
         }
         assert!(reads.is_over() && reads.deadline().is_none());
+        assert_eq!(reads.left_since(), Some(Time::from_secs_f64(2.0)));
         assert_eq!(asked(&mut reads, Time::from_secs_f64(9.0)), [""; 0]);
+        reads.begin_again(Time::from_secs_f64(10.0));
+        assert!(!reads.is_over() && reads.has_been_over() && reads.left_since().is_none());
+        for second in [10.0, 10.5, 11.0, 11.5] {
+            assert_eq!(asked(&mut reads, Time::from_secs_f64(second)), ["NO_SUCH"]);
+        }
+        assert!(reads.is_over());
         let known: Vec<(&str, f32)> = reads
             .values()
             .iter()

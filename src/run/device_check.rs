@@ -18,7 +18,7 @@ use super::drivers::EventSink;
 use super::drivers::autopilot::Autopilot;
 use super::drivers::radio::xbee_tool;
 use super::drivers::range::{Range, record_edges};
-use super::drivers::servo::{Servo, ServoPlace};
+use super::drivers::servo::{Servo, ServoPlace, WantedPulse};
 use crate::config::{AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, VehicleFile};
 use crate::hw::edge_recording::{EdgeRecording, in_words};
 use crate::hw::xbee_registers::{Mismatches, ModuleSettings};
@@ -237,7 +237,7 @@ fn swing(file: &VehicleFile, servo: &Servo, autopilot: &Autopilot) -> Result<Str
     };
     for offset_rad in [mount.from_rad, mount.to_rad, mount.rest_rad()] {
         let pulse = servo.steer(mount.beam(offset_rad));
-        if let Some(pulse) = pulse {
+        if let Some(WantedPulse::Autopilot(pulse)) = pulse {
             let is_given = || {
                 // One that was confirmed late is given once it is wanted again.
                 autopilot.give_pulse(pulse);

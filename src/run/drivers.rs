@@ -34,13 +34,12 @@ use tomoswarm_proto::{AutopilotHealth, Boot, RadioHealth, RangeHealth};
 use self::autopilot::Autopilot;
 use self::radio::Radio;
 use self::range::Range;
-use self::servo::Servo;
+use self::servo::{Servo, WantedPulse};
 use super::clock::Clock;
 use super::link::{LinkState, WorldLink, WorldLinkSettings};
 use super::mailbox::{Troubles, lock};
 use crate::autopilot::{Command, NumberedCommand};
 use crate::config::{AutopilotDriver, Drivers, RadioDriver, RangeDriver, VehicleFile};
-use crate::mavlink::autopilot_driver::ServoPulse;
 use crate::node::{Effect, Event};
 
 /// Hears what devices say.
@@ -53,8 +52,8 @@ pub struct VehicleDevices {
     range: Range,
     servo: Servo,
     radio: Radio,
-    /// The pulse that the autopilot must have given before the sensor is asked that was steered last.
-    awaited: Mutex<Option<ServoPulse>>,
+    /// The pulse that the servo must have before the sensor is asked that was steered last.
+    awaited: Mutex<Option<WantedPulse>>,
 }
 
 impl VehicleDevices {
@@ -103,7 +102,7 @@ impl VehicleDevices {
             // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
             Effect::Steer(beam) => {
                 let pulse = self.servo.steer(*beam);
-                if let Some(pulse) = pulse {
+                if let Some(WantedPulse::Autopilot(pulse)) = pulse {
                     self.autopilot.give_pulse(pulse);
                 }
                 *lock(&self.awaited) = pulse;
@@ -181,10 +180,14 @@ impl VehicleDevices {
         }
     }
 
-    /// Returns whether the sensor that was steered last is known to look there, as far as the autopilot turns it.
+    /// Returns whether the sensor that was steered last is known to look there, as far as a real servo turns it.
     fn is_pointed(&self) -> bool {
         let awaited = *lock(&self.awaited);
-        awaited.is_none_or(|pulse| self.autopilot.given_pulse() == Some(pulse))
+        match awaited {
+            None => true,
+            Some(WantedPulse::Machine(pulse)) => self.servo.stands_by(pulse),
+            Some(WantedPulse::Autopilot(pulse)) => self.autopilot.given_pulse() == Some(pulse),
+        }
     }
 
     fn to_world(&self, effect: &Effect) {

@@ -166,7 +166,14 @@ pub fn run(
     });
     let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |event| told.tell(event))?;
-    let recorder = recorder(file.record, &state_dir, "ground", text, &file.venue);
+    let recorder = recorder(
+        file.record,
+        &state_dir,
+        "ground",
+        text,
+        &file.venue,
+        process.context().clock,
+    );
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;

@@ -256,6 +256,7 @@ pub fn run(
         &format!("vehicle/{}", file.id),
         text,
         &file.venue,
+        clock,
     );
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(
@@ -309,17 +310,15 @@ pub(super) fn recorder(
     node: &str,
     text: &str,
     venue: &Venue,
+    clock: Clock,
 ) -> Option<Recorder> {
     let cap_bytes = record.limit_bytes()?;
-    let utc = SystemTime::now()
-        .duration_since(SystemTime::UNIX_EPOCH)
-        .ok();
     let about = RecordingSubject {
         node: node.to_owned(),
         settings: text.to_owned(),
         venue: config::to_toml(&Config::Venue(venue.clone())),
         lattice: Lattice::new(venue.cell_m),
-        utc_at_zero_ns: utc.and_then(|utc| u64::try_from(utc.as_nanos()).ok()),
+        utc_at_zero_ns: utc_at_zero_ns(SystemTime::now(), clock.now()),
     };
     let defaults = RecordingLimits::default();
     let segment_bytes = defaults.segment_bytes.min(cap_bytes / 8);
@@ -330,6 +329,13 @@ pub(super) fn recorder(
         ..defaults
     };
     Some(Recorder::start(state_dir.join("flight"), about, limits))
+}
+
+/// Returns when a node's clock began, nanoseconds since 1970 by the machine's: it has gone on for a while already.
+fn utc_at_zero_ns(utc: SystemTime, now: Time) -> Option<u64> {
+    let utc = utc.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+    let begun = utc.checked_sub(now.since(Time::ZERO))?;
+    u64::try_from(begun.as_nanos()).ok()
 }
 
 /// Tells whether the recording is in order.
@@ -505,6 +511,14 @@ mod tests {
 
     fn at(time_s: f64) -> Time {
         Time::from_secs_f64(time_s)
+    }
+
+    #[test]
+    fn utc_is_noted_of_when_the_clock_began_and_not_of_when_it_is_asked() {
+        let utc = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000);
+        let at = utc_at_zero_ns(utc, Time::from_secs_f64(7.5));
+        assert_eq!(at, Some(992_500_000_000));
+        assert_eq!(utc_at_zero_ns(utc, Time::from_secs_f64(1_001.0)), None);
     }
 
     #[test]

@@ -119,4 +119,12 @@ world.token = \"0123456789abcdef\"
     assert_eq!(problems_of("configs/v.toml", &slow, ""), wrong);
     let said = problems_of("configs/v.toml", &vehicle(""), "slot_ms = 38\n");
     assert!(said.contains("radio.xbee.baud = 115200"), "{said}");
+    let power = vehicle("radio.power_dbm = 7\n");
+    let said = problems_of("configs/v.toml", &power, "");
+    assert!(
+        said.contains("radio.power_dbm = 7: is none that an XBee has; allowed: -10, "),
+        "{said}"
+    );
+    let power = vehicle("radio.power_dbm = 8\n");
+    assert!(problems_of("configs/v.toml", &power, "").starts_with("accepted"));
 }

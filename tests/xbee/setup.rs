@@ -21,7 +21,11 @@ struct Outcome {
 }
 
 fn settings(module: ModuleSettings, baud: u32) -> SetupSettings {
-    SetupSettings { module, baud }
+    SetupSettings {
+        module,
+        baud,
+        keeps_power: false,
+    }
 }
 
 /// Sets a module up; of what the module says, `loses` says which pieces are lost.
@@ -108,6 +112,40 @@ fn hears_when_switched_off_and_on(mut module: XbeeModule) {
     }
     let modem = &field.links[0].modem;
     assert!(modem.is_ready(), "{:?}", modem.troubles(field.now));
+}
+
+#[test]
+fn a_power_that_nobody_names_stays_as_it_is() {
+    for kind in [
+        ModuleKind::S1,
+        ModuleKind::S1Pro,
+        ModuleKind::S2c,
+        ModuleKind::S2cPro,
+        ModuleKind::Xbee3,
+    ] {
+        for power_dbm in kind.powers_dbm() {
+            let named = ModuleSettings {
+                power_dbm,
+                ..wanted(3)
+            };
+            let mut module = new_module(kind);
+            set_up(&mut module, settings(named, 57_600)).result.unwrap();
+            let unnamed = SetupSettings {
+                keeps_power: true,
+                ..settings(
+                    ModuleSettings {
+                        power_dbm: 1,
+                        ..wanted(4)
+                    },
+                    57_600,
+                )
+            };
+            let registers = set_up(&mut module, unnamed)
+                .result
+                .unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+            assert_eq!(registers.power_dbm(), Some(power_dbm), "{kind:?}");
+        }
+    }
 }
 
 #[test]

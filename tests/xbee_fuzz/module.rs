@@ -218,6 +218,7 @@ pub fn set_up(chance: &mut Chance) {
     let settings = SetupSettings {
         module: wanted,
         baud: chance.one_of(&[57_600, 115_200, 230_400]),
+        keeps_power: chance.one_of(&[false, false, true]),
     };
     let bad = chance.one_of(&[0.0, 0.0, 0.02, 0.2, 1.0]);
     let (mut now, mut out, mut result) = (Time::ZERO, Vec::new(), None);

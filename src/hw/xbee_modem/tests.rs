@@ -390,6 +390,23 @@ fn a_module_that_says_no_status_thrice_is_asked_for_its_registers() {
 }
 
 #[test]
+fn a_status_may_take_as_long_as_a_slow_port_needs() {
+    for (baud, most_ms) in [(115_200, 231), (2_400, 1_120)] {
+        let mut rig = Rig::ready();
+        let port = XbeePort {
+            baud,
+            ..XbeePort::default()
+        };
+        rig.modem = rig.modem.clone().on_port(&port);
+        rig.send(1, 1);
+        rig.due(most_ms);
+        assert_eq!(rig.unsent, [0; 0], "{baud}");
+        rig.due(most_ms + 2);
+        assert_eq!(rig.unsent, [1], "{baud}");
+    }
+}
+
+#[test]
 fn a_port_that_is_opened_again_is_counted_and_read_anew() {
     let mut rig = Rig::ready();
     rig.close(1);

@@ -44,11 +44,12 @@ impl Reopening {
         self.closed = None;
     }
 
-    /// Notes that it is gone, and whether anything was heard on it.
+    /// Notes that it is gone, or could not be opened, and whether anything was heard on the last one: of one that could not be
+    /// opened that says nothing.
     pub(super) fn gone(&mut self, now: Time, why: String, has_heard: bool) {
-        self.closed = Some(why);
+        let was_open = self.closed.replace(why).is_none();
         self.at = now + self.after;
-        self.after = match has_heard {
+        self.after = match has_heard && was_open {
             true => SOONEST,
             false => (self.after * 2).min(LATEST),
         };
@@ -70,8 +71,18 @@ mod tests {
         };
         let waits: Vec<u128> = (0..4).map(|_| waits_ms(10.0, false)).collect();
         assert_eq!(waits, [250, 500, 1000, 1000]);
-        waits_ms(20.0, true);
-        assert_eq!(waits_ms(30.0, false), 250);
+        assert_eq!(waits_ms(20.0, true), 1000, "it was not open");
+        reopening.opened();
+        reopening.gone(Time::from_secs_f64(29.0), "it has gone".to_owned(), true);
+        let waits: Vec<u128> = (0..3)
+            .map(|_| {
+                // What was heard before it went counts once.
+                let now = Time::from_secs_f64(30.0);
+                reopening.gone(now, "it has gone".to_owned(), true);
+                reopening.deadline().unwrap().since(now).as_millis()
+            })
+            .collect();
+        assert_eq!(waits, [250, 500, 1000]);
         reopening.opened();
         assert_eq!((reopening.deadline(), reopening.closed()), (None, None));
     }

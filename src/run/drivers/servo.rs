@@ -42,6 +42,15 @@ pub enum ServoPlace {
     Nowhere,
 }
 
+/// The pulse by which a servo stands when it has turned to where it is to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum WantedPulse {
+    /// Of one at an output of this machine.
+    Machine(Duration),
+    /// Of one at an output of the autopilot, which is to give it.
+    Autopilot(ServoPulse),
+}
+
 /// What turns range sensors.
 enum Device {
     /// The simulated world, which is told by its link.
@@ -147,25 +156,36 @@ impl Servo {
         Ok(Servo { device })
     }
 
-    /// Turns the sensor that looks along a direction against the heading; returns the pulse that the autopilot is to give, if
-    /// the servo hangs on it and is to turn.
-    pub fn steer(&self, beam: Angle) -> Option<ServoPulse> {
+    /// Turns the sensor that looks along a direction against the heading; returns the pulse by which its servo stands then, if
+    /// one is to turn. One on the autopilot is not told here.
+    pub fn steer(&self, beam: Angle) -> Option<WantedPulse> {
         match &self.device {
             Device::World | Device::None => None,
             #[cfg(feature = "hw")]
             Device::Output(pulses, output) => {
-                if let Some(pulse) = pulses.to(beam) {
-                    output.give(pulse);
-                }
-                None
+                let pulse = pulses.to(beam)?;
+                output.give(pulse);
+                Some(WantedPulse::Machine(pulse))
             }
             Device::Autopilot(pulses, output) => {
                 let width_us = pulses.whole_to(beam)?;
-                Some(ServoPulse {
+                Some(WantedPulse::Autopilot(ServoPulse {
                     output: *output,
                     width_us,
-                })
+                }))
             }
+        }
+    }
+
+    /// Returns whether a servo at an output of this machine has this pulse, and had it early enough to stand there.
+    pub fn stands_by(&self, pulse: Duration) -> bool {
+        match &self.device {
+            Device::World | Device::Autopilot(..) | Device::None => {
+                let _ = pulse;
+                false
+            }
+            #[cfg(feature = "hw")]
+            Device::Output(_, output) => output.stands_by(pulse),
         }
     }
 

@@ -162,3 +162,5 @@ fn a_world_that_is_away_is_a_trouble_and_its_pings_are_counted() {
 }
 
 pub(in crate::run) mod on_autopilot;
+#[cfg(feature = "hw")]
+mod turned;

@@ -10,6 +10,8 @@ use std::time::Duration;
 
 use crate::config::MavlinkEndpoint;
 use crate::mavlink::frames::fitting;
+#[cfg(feature = "hw")]
+use crate::run::drivers::serial_port;
 use crate::run::mailbox::lock;
 
 /// A connection that is not made within this time is given up.
@@ -131,8 +133,8 @@ type Reader = Box<dyn FnMut(&mut [u8]) -> io::Result<usize> + Send>;
 
 #[cfg(feature = "hw")]
 fn serial(port: &str, baud: u32) -> io::Result<(Way, Reader)> {
-    let mut opened = serial2::SerialPort::open(port, baud)?;
-    opened.set_read_timeout(READ_FOR)?;
+    let mut opened = serial_port::open(port, baud, READ_FOR)
+        .map_err(|error| io::Error::new(error.kind(), serial_port::in_words(&error)))?;
     opened.set_write_timeout(CONNECT_WITHIN)?;
     let reader = opened.try_clone()?;
     let read = move |buffer: &mut [u8]| reader.read(buffer);
@@ -194,4 +196,29 @@ fn is_wait(error: &io::Error) -> bool {
         error.kind(),
         io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
     )
+}
+
+#[cfg(all(test, feature = "hw"))]
+mod tests {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    use super::*;
+
+    #[test]
+    fn a_serial_port_has_one_user_and_the_next_one_gets_it_when_that_has_ended() {
+        let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&line).unwrap();
+        unlockpt(&line).unwrap();
+        let port = ptsname(&line, Vec::new()).unwrap().into_string().unwrap();
+        let endpoint = MavlinkEndpoint::Serial(port);
+        let open = || Connection::open(&endpoint, 57_600, |_| {});
+        let first = open().unwrap();
+        let second = open().err().map(|error| error.to_string());
+        assert_eq!(second.as_deref(), Some("another program uses it"));
+        drop(first);
+        open().unwrap();
+        let missing = MavlinkEndpoint::Serial("/dev/no-such-port".to_owned());
+        let why = Connection::open(&missing, 57_600, |_| {}).err().unwrap();
+        assert!(why.to_string().ends_with("(ls /dev/serial/by-id)"), "{why}");
+    }
 }

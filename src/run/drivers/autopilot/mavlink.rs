@@ -260,6 +260,7 @@ impl Work {
             Ok(connection) => {
                 self.connection = Some(connection);
                 self.reopening.opened();
+                self.driver.reconnected(now);
                 (self.bytes, self.frames, self.reader) = (0, 0, FrameReader::default());
             }
             Err(error) => self.close(now, error.to_string()),

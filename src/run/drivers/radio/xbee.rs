@@ -91,7 +91,7 @@ impl XbeeRadio {
         let status = Arc::<Mutex<RadioStatus>>::default();
         let mut work = Work {
             port: port.clone(),
-            modem: XbeeModem::new(settings),
+            modem: XbeeModem::new(settings).on_port(port),
             open: None,
             number: 0,
             reopening: Reopening::default(),

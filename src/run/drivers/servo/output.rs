@@ -1,8 +1,11 @@
 //! Gives a servo its pulses at an output of this machine, on a thread of its own, newest pulse first; opens the output anew for ever
 //! when it is gone. When it ends, hardware goes on with its last pulse: a servo without one would let the sensor swing.
+//!
+//! Who measures with what the servo turns must know where it stands: a pulse counts as given when it was given in time while the
+//! output is open, or is wanted once more after that.
 
 use std::io;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::rppal_pwm::RppalPwm;
 use super::sysfs_pwm::{Chip, Files, SysfsPwm};
@@ -17,13 +20,19 @@ pub(super) enum Output {
     Pin(String),
 }
 
+/// A servo that gets its pulse later than this is not where it is expected when it has settled.
+const GIVEN_WITHIN: Duration = Duration::from_millis(20);
+
 /// The pulses of a servo.
-#[derive(Default)]
 pub(super) struct Pulse {
     /// The newest; `None` before the first.
     wanted: Option<Duration>,
-    /// The one that the servo has.
+    /// Since when it is wanted.
+    since: Instant,
+    /// The one that the servo has; `None` while the output is closed.
     given: Option<Duration>,
+    /// Whether it got that in time.
+    is_in_time: bool,
 }
 
 /// A servo at an output and the thread that moves it.
@@ -71,25 +80,55 @@ impl Output {
     }
 }
 
-/// Gives each pulse that is wanted, until the end.
+/// Gives each pulse that is wanted, until the end, or until one cannot be given.
 fn gives(
     shared: &Shared<Pulse>,
     mut give: impl FnMut(Duration) -> Result<(), String>,
 ) -> Result<(), String> {
-    shared.with(|pulse| pulse.given = None);
     shared.opened();
-    while let Some(pulse) = shared.wait(Pulse::take) {
-        give(pulse)?;
+    while let Some(pulse) = shared.wait(Pulse::next) {
+        let given = give(pulse);
+        let now = Instant::now();
+        shared.with(|pulses| pulses.note(now, given.is_ok().then_some(pulse)));
+        given?;
     }
     Ok(())
 }
 
 impl Pulse {
+    fn new(now: Instant, first: Option<Duration>) -> Pulse {
+        Pulse {
+            wanted: first,
+            since: now,
+            given: None,
+            is_in_time: false,
+        }
+    }
+
+    /// Wants a pulse from now on.
+    fn want(&mut self, now: Instant, pulse: Duration) {
+        if self.wanted == Some(pulse) {
+            // The servo has stood there since.
+            self.is_in_time = self.given == Some(pulse);
+        }
+        (self.wanted, self.since) = (Some(pulse), now);
+    }
+
     /// Returns the pulse that is to be given.
-    fn take(&mut self) -> Option<Duration> {
-        let new = self.wanted.filter(|_| self.wanted != self.given);
-        self.given = self.wanted;
-        new
+    fn next(&mut self) -> Option<Duration> {
+        self.wanted.filter(|_| self.wanted != self.given)
+    }
+
+    /// Notes which pulse the servo has now; `None` = the output is gone.
+    fn note(&mut self, now: Instant, given: Option<Duration>) {
+        self.given = given;
+        let after = now.saturating_duration_since(self.since);
+        self.is_in_time = given == self.wanted && after <= GIVEN_WITHIN;
+    }
+
+    /// Returns whether the servo stands by a pulse.
+    fn stands_by(&self, pulse: Duration) -> bool {
+        self.wanted == Some(pulse) && self.given == Some(pulse) && self.is_in_time
     }
 }
 
@@ -99,13 +138,7 @@ impl OutputServo {
     /// # Errors
     /// No thread can be started.
     pub(super) fn start(mut output: Output, first: Option<Duration>) -> io::Result<OutputServo> {
-        let (name, pulse) = (
-            output.name(),
-            Pulse {
-                wanted: first,
-                given: None,
-            },
-        );
+        let (name, pulse) = (output.name(), Pulse::new(Instant::now(), first));
         let session = move |shared: &Shared<Pulse>| {
             output.session(shared).map_err(|why| Gone {
                 why,
@@ -117,11 +150,47 @@ impl OutputServo {
 
     /// Gives a pulse from now on.
     pub(super) fn give(&self, pulse: Duration) {
-        self.0.with(|shared| shared.wanted = Some(pulse));
+        let now = Instant::now();
+        self.0.with(|pulses| pulses.want(now, pulse));
+    }
+
+    /// Returns whether the servo has this pulse, and had it early enough to stand there.
+    pub(super) fn stands_by(&self, pulse: Duration) -> bool {
+        self.0.with(|pulses| pulses.stands_by(pulse))
     }
 
     /// Returns why the output is closed; `None` while it is open.
     pub(super) fn trouble(&self) -> Option<String> {
         self.0.trouble()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_servo_stands_by_the_pulse_that_it_got_in_time_while_its_output_is_open() {
+        let begin = Instant::now();
+        let at = |ms| begin + Duration::from_millis(ms);
+        let [left, right] = [1000, 2000].map(Duration::from_micros);
+        let mut pulses = Pulse::new(begin, Some(left));
+        assert!(!pulses.stands_by(left), "it is not open yet");
+        let given = pulses.next();
+        pulses.note(at(5), given);
+        assert!(pulses.stands_by(left) && !pulses.stands_by(right));
+        assert_eq!(pulses.next(), None);
+        pulses.want(at(100), right);
+        assert!(!pulses.stands_by(right), "it is not given yet");
+        let given = pulses.next();
+        pulses.note(at(200), given);
+        assert!(!pulses.stands_by(right), "it may be turning still");
+        pulses.want(at(300), right);
+        assert!(pulses.stands_by(right) && !pulses.stands_by(left));
+        pulses.note(at(301), None);
+        assert!(!pulses.stands_by(right), "the output is gone");
+        pulses.want(at(400), right);
+        assert!(!pulses.stands_by(right));
+        assert_eq!(pulses.next(), Some(right));
     }
 }

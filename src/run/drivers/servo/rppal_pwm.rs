@@ -1,9 +1,9 @@
-//! A pin of a Raspberry Pi, by rppal: by the PWM hardware where the pin has it, else by a thread of rppal's, whose pulses vary by some
-//! 100 µs under load. Any other board refuses.
+//! A pin of a Raspberry Pi, by rppal: by the PWM hardware where the pin is given to it, else by a thread of rppal's, whose pulses vary by
+//! some 100 µs under load. Any other board refuses.
 
 use std::time::Duration;
 
-use rppal::gpio::{Gpio, OutputPin};
+use rppal::gpio::{Gpio, Mode, OutputPin};
 use rppal::pwm::{Channel, Polarity, Pwm};
 use rppal::system::{DeviceInfo, SoC};
 
@@ -30,17 +30,16 @@ impl RppalPwm {
             .strip_prefix("GPIO")
             .and_then(|number| number.parse().ok());
         let number = number.ok_or("no GPIO line has this name; GPIO0 to GPIO27 is needed")?;
-        if let Some(channel) = channel(number, machine.soc())
+        let gpio = Gpio::new().map_err(|error| in_words(&error))?;
+        let pin = gpio.get(number).map_err(|error| in_words(&error))?;
+        if let Some((channel, mode)) = channel(number, machine.soc())
+            && pin.mode() == mode
             && let Ok(mut pwm) = Pwm::new(channel)
         {
             // A servo without pulses would let the sensor swing.
             pwm.set_reset_on_drop(false);
-            pwm.set_polarity(Polarity::Normal)
-                .map_err(|error| in_words(&error))?;
             return Ok(RppalPwm::Hardware(pwm));
         }
-        let gpio = Gpio::new().map_err(|error| in_words(&error))?;
-        let pin = gpio.get(number).map_err(|error| in_words(&error))?;
         Ok(RppalPwm::Software(pin.into_output_low()))
     }
 
@@ -60,22 +59,30 @@ impl RppalPwm {
     }
 }
 
+/// The period comes first: kernels before 6.11 refuse pulse and polarity while it is 0.
 fn give_by_hardware(pwm: &Pwm, pulse: Duration) -> rppal::pwm::Result<()> {
     if pwm.period()? != PERIOD {
-        pwm.set_pulse_width(Duration::ZERO)?;
+        // Of a longer pulse that somebody has left; without a period there is none.
+        let _ = pwm.set_pulse_width(Duration::ZERO);
         pwm.set_period(PERIOD)?;
     }
     pwm.set_pulse_width(pulse)?;
+    if pwm.polarity()? != Polarity::Normal {
+        pwm.set_polarity(Polarity::Normal)?;
+    }
     pwm.enable()
 }
 
-/// Returns the hardware that a pin has, when the overlay `pwm` or `pwm-2chan` gives it to the pin.
-fn channel(number: u8, chip: SoC) -> Option<Channel> {
+/// Returns the hardware that a pin can have, and the mode of the pin when the overlay `pwm` or `pwm-2chan` gives it to the pin:
+/// without it the hardware's pulses come out nowhere, or at another pin (BCM2835 ARM Peripherals, 6.2; RP1 Peripherals, 3.1.1).
+fn channel(number: u8, chip: SoC) -> Option<(Channel, Mode)> {
     match (number, chip) {
-        (18, SoC::Bcm2712) => Some(Channel::Pwm2),
-        (19, SoC::Bcm2712) => Some(Channel::Pwm3),
-        (12 | 18, _) => Some(Channel::Pwm0),
-        (13 | 19, _) => Some(Channel::Pwm1),
+        (18, SoC::Bcm2712) => Some((Channel::Pwm2, Mode::Alt3)),
+        (19, SoC::Bcm2712) => Some((Channel::Pwm3, Mode::Alt3)),
+        (12, _) => Some((Channel::Pwm0, Mode::Alt0)),
+        (13, _) => Some((Channel::Pwm1, Mode::Alt0)),
+        (18, _) => Some((Channel::Pwm0, Mode::Alt5)),
+        (19, _) => Some((Channel::Pwm1, Mode::Alt5)),
         _ => None,
     }
 }
