@@ -66,12 +66,10 @@ fn is_answered(
 ) -> bool {
     while events.try_recv().is_ok() {}
     let began = Instant::now();
-    let mut number = 0;
-    for beam_deg in beams_deg.iter().cycle() {
+    for (number, beam_deg) in (1..).zip(beams_deg.iter().cycle()) {
         if began.elapsed() > within {
             return false;
         }
-        number += 1;
         devices.carry_out(&Effect::Steer(Angle::from_degrees(*beam_deg)));
         std::thread::sleep(Duration::from_millis(40));
         devices.carry_out(&Effect::Ping(Ping { number }));

@@ -225,13 +225,16 @@ fn by_cost(
     sorted
 }
 
+/// A candidate, and the places from where it was looked at.
+type LookedAt<'a> = (FrontierCandidate, &'a [Point]);
+
 /// Candidates by place.
 struct Squares<'a> {
     low: Point,
     columns: usize,
     rows: usize,
     /// Each with the places from where it was looked at.
-    of: Vec<Vec<(FrontierCandidate, &'a [Point])>>,
+    of: Vec<Vec<LookedAt<'a>>>,
     /// How many squares away candidates count.
     reach: usize,
     /// For each square that was asked for, those around it with candidates.
@@ -275,7 +278,7 @@ impl<'a> Squares<'a> {
     }
 
     /// Returns the squares around a place with candidates, and all squares.
-    fn around(&mut self, at: Point) -> (&[usize], &[Vec<(FrontierCandidate, &'a [Point])>]) {
+    fn around(&mut self, at: Point) -> (&[usize], &[Vec<LookedAt<'a>>]) {
         let (column, row) = self.place(at);
         let (of, width, reach) = (&self.of, self.columns, self.reach);
         let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
@@ -289,11 +292,7 @@ impl<'a> Squares<'a> {
     }
 
     /// Returns what lies in the squares around a place of which some ground is this near to it.
-    fn near(
-        &mut self,
-        at: Point,
-        within_m: f64,
-    ) -> impl Iterator<Item = &(FrontierCandidate, &'a [Point])> {
+    fn near(&mut self, at: Point, within_m: f64) -> impl Iterator<Item = &LookedAt<'a>> {
         let (low, width) = (self.low, self.columns);
         let (around, of) = self.around(at);
         let is_near = move |square: &&usize| {

@@ -39,7 +39,7 @@ enum SearchedGround {
     Unsearched,
     /// The vehicle has no room on it.
     Cramped,
-    Reached(ReachedGround),
+    Reached(Box<ReachedGround>),
 }
 
 /// A search for looks from where a vehicle is, clear of what peers claim.
@@ -92,7 +92,8 @@ impl<'a> LookSearch<'a> {
                 }
                 Err(ways) => {
                     let ways = *ways;
-                    self.grounds[index] = SearchedGround::Reached(ReachedGround { grid, ways });
+                    self.grounds[index] =
+                        SearchedGround::Reached(Box::new(ReachedGround { grid, ways }));
                 }
             }
         }
@@ -124,7 +125,7 @@ impl<'a> LookSearch<'a> {
     pub(super) fn into_finely(self) -> Option<ReachedGround> {
         self.finely()?;
         match self.grounds.into_iter().nth(FINELY)? {
-            SearchedGround::Reached(ground) => Some(ground),
+            SearchedGround::Reached(ground) => Some(*ground),
             SearchedGround::Unsearched | SearchedGround::Cramped => None,
         }
     }
@@ -146,7 +147,7 @@ impl<'a> LookSearch<'a> {
         let known = std::mem::replace(&mut self.grounds[index], SearchedGround::Cramped);
         match known {
             SearchedGround::Cramped => Ok(None),
-            SearchedGround::Reached(ground) => Ok(Some(ground)),
+            SearchedGround::Reached(ground) => Ok(Some(*ground)),
             SearchedGround::Unsearched => {
                 let grid = self.grid(resolution, is_narrow).ok_or(NoLook::TooLarge)?;
                 Ok(grid.and_then(|grid| {
