@@ -220,6 +220,7 @@ pub fn set_up(chance: &mut Chance) {
         baud: chance.one_of(&[57_600, 115_200, 230_400]),
         keeps_power: chance.one_of(&[false, false, true]),
     };
+    let level = module.register(PL);
     let bad = chance.one_of(&[0.0, 0.0, 0.02, 0.2, 1.0]);
     let (mut now, mut out, mut result) = (Time::ZERO, Vec::new(), None);
     let mut setup = XbeeSetup::begin(now, settings, &mut out);
@@ -251,7 +252,18 @@ pub fn set_up(chance: &mut Chance) {
     match result.expect("it has ended") {
         Err(error) => assert!(!error.to_string().is_empty()),
         Ok(registers) => {
+            let power_dbm = match settings.keeps_power {
+                true => registers.power_dbm().expect("it has been set up"),
+                false => wanted.power_dbm,
+            };
+            let wanted = ModuleSettings {
+                power_dbm,
+                ..wanted
+            };
             assert_eq!(registers.mismatches(&wanted), []);
+            if settings.keeps_power {
+                assert_eq!(module.register(PL), level, "its power stays");
+            }
             module.switch_on(now);
             module.due(now + Duration::from_secs(1), false, &mut Vec::new());
             let values = [
