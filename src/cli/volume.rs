@@ -320,6 +320,7 @@ mod tests {
         assert_eq!(losses, [6.0, 0.0]);
         assert_eq!(links[0].to_m, [9.0, 0.0, 2.0]);
     }
+
     #[test]
     fn links_that_come_again_are_pooled_by_their_packets_in_both_sweeps() {
         let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm\n";

@@ -376,11 +376,8 @@ impl Mission {
 
     /// A new revision is followed: what was left of the old way is given up, unless that was none of a plan's.
     fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
-        let drives_itself = match self.goal {
-            Goal::Following => self.assignment.is_own(),
-            Goal::Returning(home) => home.is_under_way(),
-            Goal::Waiting | Goal::Held(_) | Goal::Home(_) => false,
-        };
+        let follows_own = self.goal == Goal::Following && self.assignment.is_own();
+        let drives_itself = follows_own || self.goal.drives_home();
         if let Some(state) = self.state.as_ref().filter(|_| !drives_itself) {
             self.pilot.give_up(state.pose.at);
         }

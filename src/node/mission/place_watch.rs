@@ -181,13 +181,13 @@ impl Mission {
 mod tests {
     use tomoswarm_proto::{OrderKind, TaskKind};
 
-    use super::super::tests::{at, driven, fed, order, planned, tiles};
+    use super::super::tests::{at, driven, fed, order, planned, started};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
+    use crate::node::OwnState;
     use crate::node::mission::{In, MissionStatus};
     use crate::node::tests_support::{own_state, settings};
-    use crate::node::{OwnState, VehicleSettings};
 
     /// A vehicle at a place on x that knows it this well.
     fn state(x_m: f64, sd_m: f64) -> In {
@@ -207,21 +207,6 @@ mod tests {
             | Out::Measure(_) => None,
         };
         out.iter().filter_map(event).collect()
-    }
-
-    /// A vehicle on known ground at the datum that was started in a mission of its own.
-    fn started(task: TaskKind) -> Mission {
-        let task = Some(task);
-        let mut mission = Mission::new(VehicleSettings {
-            task,
-            ..settings(1)
-        });
-        fed(&mut mission, 1.0, state(0.0, 0.05));
-        tiles(None).into_iter().for_each(|tile| {
-            fed(&mut mission, 1.0, tile);
-        });
-        fed(&mut mission, 1.1, order(OrderKind::Start));
-        mission
     }
 
     #[test]

@@ -67,28 +67,14 @@ impl Mission {
 mod tests {
     use tomoswarm_proto::{MissionPhase, OrderKind, TaskKind};
 
-    use super::super::tests::{at, driven, fed, order, plan, tiles};
+    use super::super::tests::{at, driven, fed, order, plan, started};
     use super::super::{EndReason, In, MissionEvent, MissionStatus};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
+    use crate::node::OwnState;
     use crate::node::mission::PlaceWatch;
-    use crate::node::tests_support::{own_state, settings};
-    use crate::node::{OwnState, VehicleSettings};
-
-    /// A vehicle on known ground at the datum that was started in a mission of its own.
-    fn started(task: TaskKind) -> Mission {
-        let mut mission = Mission::new(VehicleSettings {
-            task: Some(task),
-            ..settings(1)
-        });
-        fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
-        for tile in tiles(None) {
-            fed(&mut mission, 1.0, tile);
-        }
-        fed(&mut mission, 1.1, order(OrderKind::Start));
-        mission
-    }
+    use crate::node::tests_support::own_state;
 
     /// Feeds a state and wakes the mission, tenth by tenth; returns all that it says.
     fn pass(mission: &mut Mission, tenths: std::ops::Range<u32>, own: &OwnState) -> Vec<Out> {
@@ -102,14 +88,11 @@ mod tests {
     }
 
     fn ends(said: &[Out]) -> Vec<&MissionEvent> {
-        let is_end = |out: &Out| matches!(out, Out::MissionEvent(MissionEvent::Ended(_)));
-        let events = said.iter().filter(|out| is_end(out));
-        events
-            .filter_map(|out| match out {
-                Out::MissionEvent(event) => Some(event),
-                _ => None,
-            })
-            .collect()
+        let events = said.iter().filter_map(|out| match out {
+            Out::MissionEvent(event @ MissionEvent::Ended(_)) => Some(event),
+            _ => None,
+        });
+        events.collect()
     }
 
     #[test]
@@ -170,8 +153,6 @@ mod tests {
             "after five minutes"
         );
         assert!(mission.place.wait(at(310.0)), "it waits still");
-        let mut next = mission.settings.clone();
-        next.task = Some(TaskKind::Browse);
         mission.take_up(at(310.0), true, &mut Vec::new());
         assert!(!mission.place.wait(at(310.1)));
         assert!(!PlaceWatch::new(0.5).wait(at(310.1)));

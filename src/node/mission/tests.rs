@@ -119,6 +119,20 @@ pub(super) fn planned(wall: Option<(f64, f64)>) -> Mission {
     mission
 }
 
+/// A vehicle on known ground at the datum that was started in a mission of its own.
+pub(super) fn started(task: TaskKind) -> Mission {
+    let mut mission = Mission::new(VehicleSettings {
+        task: Some(task),
+        ..settings(1)
+    });
+    fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+    for tile in tiles(None) {
+        fed(&mut mission, 1.0, tile);
+    }
+    fed(&mut mission, 1.1, order(OrderKind::Start));
+    mission
+}
+
 pub(super) fn driven(out: &[Out]) -> Option<Vec<Point>> {
     out.iter().find_map(|out| match out {
         Out::Command(_, MoveCommand::Drive { route, .. }) => Some(route.clone()),

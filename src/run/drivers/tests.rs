@@ -15,6 +15,19 @@ use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
 use crate::run::link::{FromWorld, ToWorld, Welcome, decode, encode, read_frame, write_frame};
 
+/// Starts the devices of a vehicle with this file.
+fn start_devices(text: &str) -> (VehicleDevices, Receiver<Event>) {
+    let file =
+        config::read_vehicle("configs/v.toml", text, &mut |path| bundled::load(path)).unwrap();
+    let (sender, events) = channel();
+    let told: EventSink = Arc::new(move |event| {
+        // Nobody listens at the end.
+        let _ = sender.send(event);
+    });
+    let devices = VehicleDevices::start(&file, Boot(1), Clock::start(), &told).unwrap();
+    (devices, events)
+}
+
 /// The devices of a vehicle of the bundled place, with a range sensor by this driver, and the world that it found.
 fn devices(range: &str) -> (VehicleDevices, Receiver<Event>, World) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -231,12 +231,12 @@ impl Seek {
             }
         }
         // Peers bar what would be seen without them, on the same ways.
-        let has_peers = around.peers.iter().next().is_some();
-        let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
-        let mut is_seen_alone =
-            |(rigour, sought): &(Rigour, Vec<_>)| alone.best(&self.looks, *rigour, sought).is_ok();
-        if has_peers && in_vain.iter().any(&mut is_seen_alone) {
-            return MissionStep::YieldToPeers;
+        if around.peers.iter().next().is_some() {
+            let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
+            let mut vain = in_vain.iter();
+            if vain.any(|(rigour, sought)| alone.best(&self.looks, *rigour, sought).is_ok()) {
+                return MissionStep::YieldToPeers;
+            }
         }
         if search.regards_reflex() {
             let all = search.but_for_reflex().open_finely(&claims);

@@ -2,12 +2,12 @@
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::super::*;
-use crate::config::{self, bundled};
+use super::start_devices;
 use crate::geom::Angle;
 use crate::mavlink::dialect::{
     COMMAND_ACK_DATA, DISTANCE_SENSOR_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
@@ -141,15 +141,7 @@ fn devices(autopilot: SocketAddr, lines: &str) -> (VehicleDevices, Receiver<Even
          autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:{autopilot}\"\nradio.driver = \"sim\"\n\
          world.connect = \"127.0.0.1:9\"\nworld.token = \"secret-token\"\n{lines}"
     );
-    let file =
-        config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
-    let (sender, events) = channel();
-    let told: EventSink = Arc::new(move |event| {
-        // Nobody listens at the end.
-        let _ = sender.send(event);
-    });
-    let devices = VehicleDevices::start(&file, Boot(1), Clock::start(), &told).unwrap();
-    (devices, events)
+    start_devices(&text)
 }
 
 /// Asks along a direction until an answer comes.

@@ -3,13 +3,13 @@
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use super::super::*;
-use crate::config::{self, bundled};
+use super::start_devices;
 use crate::geom::Angle;
 use crate::node::sensor::Ping;
 
@@ -46,15 +46,7 @@ fn devices(chip: &Path) -> (VehicleDevices, Receiver<Event>) {
          {{ mount_deg = 0, servo_from_deg = -60, servo_to_deg = 60 }},\n\
          {{ mount_deg = 180, driver = \"serial-text\", serial-text.port = \"{astern}\" }}]\n"
     );
-    let file =
-        config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
-    let (sender, events) = channel();
-    let told: EventSink = Arc::new(move |event| {
-        // Nobody listens at the end.
-        let _ = sender.send(event);
-    });
-    let devices = VehicleDevices::start(&file, Boot(1), Clock::start(), &told).unwrap();
-    (devices, events)
+    start_devices(&text)
 }
 
 /// Turns to each direction in turn and asks there, until an answer comes or the time is over; returns whether one came.
