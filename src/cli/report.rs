@@ -131,7 +131,7 @@ impl RunFigures {
                 .iter()
                 .map(|person| (person.name.clone(), person.at))
                 .collect(),
-            missions: missions(scenario, outcome),
+            missions: outcome.missions.clone(),
             seen: seen(scenario, outcome)?,
             not_made: not_made(scenario, outcome),
         })
@@ -304,8 +304,8 @@ impl RunFigures {
 pub(super) fn failure(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
     let nobody_did_it = || "no vehicle did its mission".to_owned();
     let ended = outcome.failure.clone().or_else(|| {
-        let missions = missions(scenario, outcome);
-        let is_undone = !missions.is_empty() && did_everything(&missions) == 0;
+        let missions = &outcome.missions;
+        let is_undone = !missions.is_empty() && did_everything(missions) == 0;
         (is_undone && scenario.sim().expect == Expect::Finished).then(nobody_did_it)
     });
     why_failed(
@@ -449,15 +449,6 @@ fn with_origin(text: String, about: &str) -> String {
         .sum();
     let (head, rest) = text.split_at(comments);
     format!("{head}{about}{rest}")
-}
-
-/// Returns how the missions ended, where vehicles have their own.
-fn missions(scenario: &Scenario, outcome: &RunOutcome) -> Vec<EndedMission> {
-    if scenario.sim().is_planned_by_ground() {
-        Vec::new()
-    } else {
-        outcome.missions.clone()
-    }
 }
 
 /// Returns how a mission ended.

@@ -9,10 +9,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::ScopedJoinHandle;
 
 use super::error::CliError;
+use super::report;
 use super::sim::SimArgs;
 use super::stop::StopFlag;
-use crate::config::Expect;
-use crate::sim::{RunOutcome, RunView};
+use crate::config::{Expect, Sim};
+use crate::sim::{RunOutcome, RunView, Scenario};
 
 /// Persons count as found within this distance, metres.
 const FOUND_WITHIN_M: f64 = 1.0;
@@ -23,6 +24,8 @@ const FOUND_SHARE: f64 = 0.95;
 #[derive(Clone, Debug)]
 struct Trial {
     finished: bool,
+    /// It ended as it should, and nothing went wrong on the way.
+    is_safe: bool,
     home: usize,
     held: usize,
     collisions: usize,
@@ -36,8 +39,13 @@ struct Trial {
 }
 
 impl Trial {
-    fn of(outcome: &RunOutcome) -> Trial {
+    fn of(scenario: &Scenario, outcome: &RunOutcome) -> Trial {
         let found = outcome.found();
+        // Without an image of what has changed nobody is looked for.
+        let looked_for = outcome
+            .persons
+            .iter()
+            .filter(|_| finds_persons(scenario.sim()));
         let error_m = |at| {
             found
                 .iter()
@@ -46,17 +54,14 @@ impl Trial {
         };
         Trial {
             finished: outcome.finished,
+            is_safe: report::failure(scenario, outcome).is_none(),
             home: outcome.home,
             held: outcome.held,
             collisions: outcome.collisions.len(),
             fence_breaches: outcome.fence_breaches,
             min_separation_m: outcome.min_separation_m,
             simulated_s: outcome.simulated.as_secs_f64(),
-            errors_m: outcome
-                .persons
-                .iter()
-                .map(|person| error_m(person.at))
-                .collect(),
+            errors_m: looked_for.map(|person| error_m(person.at)).collect(),
             finds: found.len(),
             log_hash: crate::sim::log::hash(outcome.log.bytes().map(u64::from)),
         }
@@ -66,10 +71,6 @@ impl Trial {
         self.errors_m
             .iter()
             .all(|error_m| *error_m <= FOUND_WITHIN_M)
-    }
-
-    fn is_safe(&self) -> bool {
-        self.finished && self.collisions == 0 && self.fence_breaches == 0
     }
 
     fn line(&self, seed: u64, word: &str) -> String {
@@ -124,17 +125,17 @@ pub(super) fn run(
     let trials = run_all(args, first..=last, word, stop, out)?;
     let share = |good: usize| 100.0 * good as f64 / trials.len().max(1) as f64;
     let (safe, found) = (
-        count_of(&trials, Trial::is_safe),
+        count_of(&trials, |trial| trial.is_safe),
         count_of(&trials, Trial::all_found),
     );
     let finds = match expect {
-        Expect::Finished => {
+        Expect::Finished if finds_persons(scenario.sim()) => {
             format!(
                 ", everybody found within {FOUND_WITHIN_M} m in {found} ({:.1} %)",
                 share(found)
             )
         }
-        Expect::Home | Expect::Held => String::new(),
+        Expect::Finished | Expect::Home | Expect::Held => String::new(),
     };
     writeln!(
         out,
@@ -145,6 +146,11 @@ pub(super) fn run(
     .map_err(unwritten)?;
     broken(expect, count, trials.len(), safe, found)
         .map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+}
+
+/// Returns whether a run makes an image of what has changed, in which persons are looked for.
+fn finds_persons(sim: &Sim) -> bool {
+    sim.is_planned_by_ground() && sim.empty_sweep
 }
 
 /// Returns the word for the end that a file expects.
@@ -267,5 +273,5 @@ fn run_one(args: &SimArgs, seed: u64, stop: &StopFlag) -> Result<Option<Trial>, 
     let outcome = scenario
         .run(&mut watch)
         .map_err(|error| CliError::Fault(format!("seed {seed}: {error}")))?;
-    Ok((!is_stopped).then(|| Trial::of(&outcome)))
+    Ok((!is_stopped).then(|| Trial::of(&scenario, &outcome)))
 }

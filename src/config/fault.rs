@@ -138,7 +138,7 @@ impl PlannedFault {
         } = self;
         let means = "`bus`, `radio`: hears and reaches nobody; `sensor`: no readings; `gps`: the deviation of the \
                      place grows; `restart`: the software ends, and starts again at until_s; `dead`: it ends for good; \
-                     `battery`: has another charge at once";
+                     `battery`: has another charge at once, `charge` (0 to 1, left out 0.1)";
         to.word(
             kind,
             Words {

@@ -118,7 +118,8 @@ fn read_text(
     read_table(&mut tables, &root);
     let Tables { mut mission, sweep } = tables;
     let task = mission.task(&source, Some(venue), loader);
-    check_task(&root, task.as_ref(), venue);
+    // Which vehicles it is for is not known here: each refuses what it has no room for.
+    check_task(&root, task.as_ref(), venue, 0.0);
     if mission.is_of_one() && vehicles != Some(1) {
         let allowed = "one vehicle is to be named: its autopilot carries the mission out by itself";
         root.refuse("mission.kind", "is one vehicle's alone", allowed);

@@ -56,6 +56,15 @@ impl Layer {
         self.cleared.insert(table);
     }
 
+    /// Returns the line of the first value that is laid over something of a table.
+    pub(super) fn line_in(&self, table: &str) -> Option<usize> {
+        let mut of_table = self
+            .values
+            .iter()
+            .filter(|(path, _)| path.first().is_some_and(|first| first == table));
+        of_table.next().map(|(_, laid)| laid.line)
+    }
+
     /// Lays all of another layer over this one.
     pub(super) fn lay_all(&mut self, other: &Layer) {
         self.cleared.extend(&other.cleared);

@@ -239,7 +239,9 @@ impl VehicleFile {
             root,
             &file.venue,
             file.id,
-            file.body.radius_m + file.safety.padding_m + file.flight.carried_m(),
+            file.body.radius_m
+                + file.safety.padding_m.max(3.0 * file.pose.expected_sd_m)
+                + file.flight.carried_m(),
         )?;
         let (flown, ceiling_m) = ((&file.flight, &file.body), file.venue.ceiling_m);
         check_ceiling(root, "vehicle.altitude_m", flown, ceiling_m);
@@ -519,7 +521,7 @@ fn check_home(root: &Section, venue: &Venue, id: VehicleId, reach_m: f64) -> Opt
         root.refuse(
             "venue",
             &wrong,
-            "a vehicle and its padding must fit at home",
+            "a vehicle, its padding and three deviations of its place must fit at home",
         );
     }
     Some(*home)
@@ -534,7 +536,8 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
         ..
     } = file;
     let swarm = &venue.swarm;
-    check_task(root, file.task.as_ref(), venue);
+    let body_m = body.radius_m + file.flight.carried_m() + 3.0 * pose.expected_sd_m;
+    check_task(root, file.task.as_ref(), venue, body_m);
     if let RadioDriver::Xbee(xbee) = &file.drivers.radio {
         XbeePort::check_power(root.source, file.radio.power_dbm);
         xbee.check_slot(root.source, swarm, &file.venue_file);

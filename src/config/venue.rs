@@ -190,7 +190,8 @@ impl Keyed for Venue {
             name: "x_axis_bearing_deg",
             default: 90.0,
             allowed: 0.0..=360.0,
-            means: "compass bearing of the x axis; 90: x points east. No effect in a simulation but in the venue's hash",
+            means: "compass bearing of the x axis; 90: x points east. It turns files of waypoints and the wind, and is part of the \
+                        venue's hash",
         });
         let left_out = "needed";
         let means = "`[x0, y0, x1, y1]`: what is imaged; vehicles drive along its border";
@@ -251,8 +252,8 @@ impl Keyed for Venue {
                 means,
             },
         );
-        let means = "what all nodes agree on. A simulation may give these keys in its own `[safety]` and `[radio]`, \
-                     laid over its venue; the files of nodes may not";
+        let means = "what all nodes agree on. A simulation may give these keys but `lost_after_s` in its own `[safety]` and \
+                     `[radio]`, laid over its venue; the files of nodes may not";
         to.table(
             swarm,
             KeyEntry {

@@ -20,6 +20,7 @@
 
 mod devices;
 mod event;
+
 #[cfg(test)]
 mod tests;
 
@@ -39,7 +40,9 @@ use super::noise::{Noise, NoisePurpose};
 use super::queue::EventQueue;
 use super::walking::WalkingScene;
 use super::world::{CommandResult, PredictedContact, World, WorldContents};
-use crate::autopilot::{Ack, AutopilotReport, Command, CommandAck, NumberedCommand, VehicleKind};
+use crate::autopilot::{
+    Ack, AutopilotReport, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind,
+};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
 use crate::time::{Deadline, Time};
@@ -340,8 +343,13 @@ impl Environment {
         }
         if devices.silent_at() > self.now {
             self.schedule_look_at_companion(vehicle, out);
-        } else {
-            self.command(vehicle, &Command::Stop, out);
+            return;
+        }
+        let stopped = self.command(vehicle, &Command::Stop, out);
+        if stopped.result != CommandAck::Accepted {
+            // On its own way: a stored mission, or home.
+            let stays = Command::Mode(stays_in(self.world.kind()));
+            self.command(vehicle, &stays, out);
         }
     }
 
@@ -543,4 +551,12 @@ fn next_of(at: Time, step: Duration, until: Time) -> Time {
     let steps = until.since(at).as_nanos() / step.as_nanos().max(1);
     let missed = u32::try_from(steps.saturating_sub(1)).unwrap_or(u32::MAX);
     at + step + step.saturating_mul(missed)
+}
+
+/// Returns the mode in which a kind of vehicle stays where it is.
+fn stays_in(kind: VehicleKind) -> FlightMode {
+    match kind {
+        VehicleKind::Rover => FlightMode::Hold,
+        VehicleKind::Copter => FlightMode::Loiter,
+    }
 }

@@ -78,11 +78,22 @@ impl Faults {
 
     /// Returns what happens to the software of nodes, and when.
     pub fn turns(&self) -> Vec<(Time, SoftwareFaultEvent)> {
-        self.list
-            .iter()
-            .flat_map(turns_of)
-            .filter(|(at, _)| *at < Time::NEVER)
+        let turns = self.list.iter().flat_map(turns_of);
+        turns
+            .filter(|(at, turn)| *at < Time::NEVER && !self.is_kept_down(*at, *turn))
             .collect()
+    }
+
+    /// Returns whether software that would start is kept from it by another fault.
+    fn is_kept_down(&self, at: Time, turn: SoftwareFaultEvent) -> bool {
+        let SoftwareFaultEvent::Starts(node) = turn else {
+            return false;
+        };
+        let ends_software =
+            |fault: &&FaultSpec| matches!(fault.kind, FaultKind::Restart | FaultKind::Dead);
+        let mut faults = self.list.iter().filter(ends_software);
+        faults
+            .any(|fault| fault.from <= at && at < fault.until && whom(fault).any(|one| one == node))
     }
 
     /// Returns when which autopilots hear no satellites.
@@ -191,6 +202,29 @@ mod tests {
         ];
         let turns = turns.map(|(at_s, turn)| (Time::from_secs_f64(at_s), turn));
         assert_eq!(Faults::new(vec![of_ground]).turns(), turns);
+    }
+
+    #[test]
+    fn of_overlapping_faults_the_last_that_ends_lets_software_start_and_the_dead_stay_dead() {
+        let seconds = Time::from_secs_f64;
+        let lasting = |kind, from_s, until| FaultSpec {
+            from: seconds(from_s),
+            until,
+            ..fault(kind)
+        };
+        let starts_of = |list: Vec<FaultSpec>| {
+            let turns = Faults::new(list).turns();
+            let starts = turns.into_iter().filter(|(_, turn)| turn.starts_vehicle());
+            starts.map(|(at, _)| at).collect::<Vec<Time>>()
+        };
+        let long = lasting(FaultKind::Restart, 20.0, seconds(30.0));
+        let short = lasting(FaultKind::Restart, 10.0, seconds(25.0));
+        let dead = lasting(FaultKind::Dead, 20.0, Time::NEVER);
+        for list in [[long.clone(), short.clone()], [short.clone(), long]] {
+            assert_eq!(starts_of(list.to_vec()), [seconds(30.0); 2]);
+        }
+        assert!(starts_of(vec![dead, short.clone()]).is_empty());
+        assert_eq!(starts_of(vec![short]), [seconds(25.0); 2]);
     }
 
     #[test]

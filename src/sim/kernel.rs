@@ -333,12 +333,19 @@ impl Kernel {
                 self.follow(self.monitor.came_home(fleet.home, fleet.alive));
             }
             MissionEvent::Ended(end) => {
-                let are_dead = self.nodes.are_dead();
-                self.monitor
-                    .mission_ended(now, vehicle, end.clone(), are_dead);
+                self.monitor.mission_ended(now, vehicle, end.clone());
+                self.look_at_missions();
             }
             _ => {}
         }
+    }
+
+    /// Lets the judge see whether all missions have ended. While somebody is going to start anew nobody counts as dead.
+    fn look_at_missions(&mut self) {
+        let is_waited_for = self.starts_left > 0;
+        let are_dead = self.nodes.are_dead();
+        self.monitor
+            .look_at_missions(are_dead.map(|is_dead| is_dead && !is_waited_for));
     }
 
     fn carry_out_of_ground(&mut self, mut effects: Vec<ground::Effect>) {
@@ -524,6 +531,7 @@ impl Kernel {
                 if let Some(place) = self.nodes.place_of(node) {
                     self.start_node(place);
                 }
+                self.look_at_missions();
             }
         }
     }
@@ -536,6 +544,7 @@ impl Kernel {
         if let NodePlace::Vehicle(vehicle) = node {
             self.environment.detach(self.schedule.now(), vehicle);
         }
+        self.look_at_missions();
         let alive = self.nodes.are_dead().filter(|is_dead| !is_dead).count();
         if self.starts_left == 0 && alive < self.monitor.least_vehicles() {
             let why = format!("the software of {alive} vehicles runs, too few");

@@ -87,21 +87,18 @@ impl RunMonitor {
         self.is_done |= matches!(note, GroundNote::RunClosed { run, .. } if *run == RUN);
     }
 
-    /// Records that the mission of a vehicle has ended; who is dead is not waited for.
-    pub(super) fn mission_ended(
-        &mut self,
-        now: Time,
-        vehicle: usize,
-        end: EndReason,
-        are_dead: impl Iterator<Item = bool>,
-    ) {
+    /// Records that the mission of a vehicle has ended.
+    pub(super) fn mission_ended(&mut self, now: Time, vehicle: usize, end: EndReason) {
         self.missions[vehicle].1 = Some((now, end));
-        let mut alive = self
-            .missions
-            .iter()
-            .zip(are_dead)
-            .filter(|(_, is_dead)| !is_dead);
-        self.is_done |= !self.is_swept && alive.all(|(mission, _)| mission.1.is_some());
+    }
+
+    /// Decides whether every mission has ended; who is dead is not waited for, but somebody must be left.
+    pub(super) fn look_at_missions(&mut self, are_dead: impl Iterator<Item = bool>) {
+        let missions = self.missions.iter().zip(are_dead);
+        let mut alive = missions.filter(|(_, is_dead)| !is_dead).peekable();
+        let is_somebody_left = alive.peek().is_some();
+        let have_ended = alive.all(|(mission, _)| mission.1.is_some());
+        self.is_done |= !self.is_swept && is_somebody_left && have_ended;
     }
 
     /// Decides after a return home, when `home` of the `alive` vehicles are home. Where all are expected there,
@@ -175,9 +172,18 @@ mod tests {
     fn missions_are_done_when_all_that_are_alive_have_ended_theirs() {
         let mut monitor = monitor(false, Expect::Finished);
         let dead = [false, true, false];
-        monitor.mission_ended(Time::ZERO, 0, EndReason::Done, dead.into_iter());
+        monitor.mission_ended(Time::ZERO, 0, EndReason::Done);
+        monitor.look_at_missions(dead.into_iter());
         assert!(!monitor.is_done());
-        monitor.mission_ended(Time::ZERO, 2, EndReason::NoRoom, dead.into_iter());
+        monitor.look_at_missions([true; 3].into_iter());
+        assert!(!monitor.is_done(), "nobody is left");
+        monitor.mission_ended(Time::ZERO, 2, EndReason::NoRoom);
+        monitor.look_at_missions([false; 3].into_iter());
+        assert!(
+            !monitor.is_done(),
+            "the one that is under way may still die"
+        );
+        monitor.look_at_missions(dead.into_iter());
         assert!(monitor.is_done());
         assert_eq!(monitor.missions()[1], (VehicleId(2), None));
         assert_eq!(

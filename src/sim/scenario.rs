@@ -219,12 +219,18 @@ impl Scenario {
             return Ok(persons);
         };
         let room = self.sim.venue.area.shrunk(rules.keep_from_border_m);
+        let vehicle_m = self.sim.vehicles.body.radius_m + self.sim.safety.padding_m;
+        let homes = || self.sim.venue.homes.iter().take(self.sim.vehicles.count);
+        let is_off_homes = |place: Point| {
+            homes().all(|home| home.distance_to(place) >= vehicle_m + rules.radius_m)
+        };
         for number in 1..=rules.count {
             let place = (0..PLACING_TRIES)
                 .map(|attempt| self.draw_place(room, number, attempt))
                 .find(|place| {
                     let clear_m = structure.clearance_m(*place, GROUND_CLEARANCE_M, rules.height_m);
                     clear_m >= rules.keep_from_objects_m
+                        && is_off_homes(*place)
                         && persons
                             .iter()
                             .all(|other| other.at.distance_to(*place) >= rules.apart_m)
@@ -536,7 +542,10 @@ impl Scenario {
             structure: RunOutcome::take(&mut record.pictures, Subject::Structure),
             map: station.map().clone(),
             tracks: record.tracks,
-            missions: monitor.missions().to_vec(),
+            missions: match self.sim.is_planned_by_ground() {
+                true => Vec::new(),
+                false => monitor.missions().to_vec(),
+            },
             places: monitor.places().to_vec(),
             persons: self.persons.clone(),
             outlines,

@@ -7,7 +7,7 @@ use tomoswarm_proto::VehicleId;
 
 use super::outcome::FleetCount;
 use super::run_monitor::RunMonitor;
-use crate::config::{Expect, Sim};
+use crate::config::{AfterSweep, Expect, Sim};
 
 /// Returns what was expected and is not so at the end; `is_time_up`: the run was given up at `until_s`.
 pub(super) fn unmet(
@@ -23,11 +23,17 @@ pub(super) fn unmet(
         (count < alive).then(|| format!("{what}: only {count} of {alive}{when}"))
     };
     match sim.expect {
-        Expect::Finished => (!monitor.is_done()).then(|| {
+        Expect::Finished if !monitor.is_done() => {
             let under_way = monitor.missions().iter().filter(|(_, end)| end.is_none());
             let ids: Vec<VehicleId> = under_way.map(|(id, _)| *id).collect();
-            unended((!sim.is_planned_by_ground()).then_some(&ids[..]), limit)
-        }),
+            let missions_of = (!sim.is_planned_by_ground()).then_some(&ids[..]);
+            Some(unended(missions_of, limit))
+        }
+        // Done, and on the way home when it was given up.
+        Expect::Finished if is_time_up && sim.end == AfterSweep::Return => {
+            too_few(home, "vehicles at home")
+        }
+        Expect::Finished => None,
         Expect::Home => too_few(home, "vehicles at home"),
         Expect::Held => too_few(held, "vehicles that hold"),
     }

@@ -105,11 +105,11 @@ fn altitude_m(sim: &Sim) -> f64 {
     }
 }
 
-/// Returns the room by which is judged where vehicles can get to: the safety distance (radius and padding), two deviations
-/// of the place, and what a map of cells costs.
+/// Returns the room by which is judged where vehicles can get to: the safety distance (radius and padding), by how much wind
+/// carries them, two deviations of the place, and what a map of cells costs.
 fn room(sim: &Sim) -> Room {
     let (body_m, altitude_m) = (sim.vehicles.body.radius_m, altitude_m(sim));
-    let safety_m = body_m + sim.safety.padding_m;
+    let safety_m = body_m + sim.safety.padding_m + sim.vehicles.flight.carried_m();
     Room {
         keep_m: safety_m + 2.0 * sim.vehicles.pose_sd_m + MAP_CELLS * sim.venue.cell_m,
         body_m,

@@ -209,15 +209,35 @@ impl World {
         Ok(())
     }
 
-    /// Changes what stands in the world; returns the contacts that motion under way now leads to.
+    /// Changes what stands in the world; returns the contacts that follow: at once of those whom something now stands upon,
+    /// and those that motion under way leads to.
     pub fn set_stage(&mut self, stage: WorldContents, now: Time) -> Vec<PredictedContact> {
         self.stage = stage;
         self.cuts = Cuts::default();
         // The motion stays, but contacts foreseen with the old stage are void.
         self.crafts.iter_mut().for_each(|craft| craft.commands += 1);
         (0..self.crafts.len())
-            .flat_map(|vehicle| self.touches(vehicle, now))
+            .flat_map(|vehicle| match self.is_stood_upon(vehicle, now) {
+                true => vec![PredictedContact {
+                    at: now,
+                    one: (vehicle, self.crafts[vehicle].commands),
+                    other: None,
+                }],
+                false => self.touches(vehicle, now),
+            })
             .collect()
+    }
+
+    /// Returns whether something of the scene stands where a vehicle is, whether this moves or not.
+    fn is_stood_upon(&self, vehicle: usize, now: Time) -> bool {
+        let autopilot = &self.crafts[vehicle].autopilot;
+        let (here, low_m) = (autopilot.truth(now).at, autopilot.motion().altitude_m(now));
+        let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + self.build.height_m);
+        let spot = Segment::new(here, here);
+        let scene = &self.stage.scene;
+        scene
+            .first_contact(spot, self.build.radius_m, low_m, high_m)
+            .is_some()
     }
 
     /// Returns how many vehicles there are.
@@ -314,6 +334,7 @@ impl World {
             // What it does by itself has begun since it was looked at last.
             let touches = self.touches(vehicle, from);
             self.foreseen.extend(touches);
+            self.judge_fence(vehicle, from);
         }
     }
 

@@ -432,9 +432,9 @@ fn values_that_do_not_fit_together_are_refused() {
     check_sim(
         "[safety]\npadding_m = 2.9\n[vehicles]\nmax_speed_mps = 0.01\n[range]\nmax_range_m=9\nsure_range_m=9\n",
         &[
-            "configs/a.toml:2: venue = \"courtyard.venue.toml\": home 1 is nearer than 3.15 m to the fence; a vehicle and its padding must fit at home",
-            "configs/a.toml:2: venue = \"courtyard.venue.toml\": home 2 is nearer than 3.15 m to the fence; a vehicle and its padding must fit at home",
-            "configs/a.toml:2: venue = \"courtyard.venue.toml\": its fence leaves less than 3.15 m around the area; vehicles drive along the area's border and need their radius and padding",
+            "configs/a.toml:2: venue = \"courtyard.venue.toml\": home 1 is nearer than 3.15 m to the fence; a vehicle, its padding and three deviations of its place must fit at home",
+            "configs/a.toml:2: venue = \"courtyard.venue.toml\": home 2 is nearer than 3.15 m to the fence; a vehicle, its padding and three deviations of its place must fit at home",
+            "configs/a.toml:2: venue = \"courtyard.venue.toml\": its fence leaves less than 3.15 m around the area; vehicles drive along the area's border and need their radius, their padding and three deviations of their place",
         ],
     );
     check_sim(
@@ -633,4 +633,20 @@ fn a_sensor_whose_echoes_come_too_late_is_refused() {
         let said = problems_of("configs/a.toml", &format!("{SIM}[range]\n{lines}\n"));
         assert!(said.starts_with("accepted"), "{said}");
     }
+}
+
+#[test]
+fn places_at_the_fence_leave_room_for_a_body_whose_place_may_be_off() {
+    let mission =
+        |y_m: f64| format!("[mission]\nkind = \"pathfind\"\nwaypoints_m = [[10.0, {y_m:?}]]\n");
+    // The fence lies at y = -3; a rover of 0.25 m whose place is known to 0.05 m.
+    check_sim(
+        &mission(-2.65),
+        &[
+            "configs/a.toml:6: mission.waypoints_m = [[10.0, -2.65]]: leads to (10, -2.65), 0.35 m from the fence, where a vehicle whose place may be off needs 0.40 m; places inside the fence are allowed",
+        ],
+    );
+    assert!(
+        problems_of("configs/a.toml", &format!("{SIM}{}", mission(-2.59))).starts_with("accepted")
+    );
 }

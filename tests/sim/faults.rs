@@ -223,3 +223,37 @@ fn nobody_waits_for_ever_for_vehicles_that_the_bus_never_reaches_again() {
         assert!(outcome.simulated.as_secs_f64() < 1100.0);
     }
 }
+
+#[test]
+fn who_dies_with_its_mission_under_way_is_not_waited_for_whenever_it_dies() {
+    // Without a place vehicle 2 stands until its software ends; the other one is home after half a minute.
+    let mission = "[mission]\nkind = \"forward\"\ndistance_m = 2.0\n";
+    for at_s in [5.0, 80.0] {
+        let gone = format!(
+            "[[fault]]\nkind = \"gps\"\nat_s = 0.0\nvehicles = [2]\n\
+             [[fault]]\nkind = \"dead\"\nat_s = {at_s:?}\nvehicles = [2]\n"
+        );
+        let place = place(2, "until_s = 400.0", &format!("{mission}{gone}"));
+        let outcome = place.run_to_the_end();
+        assert_eq!(outcome.missions[1].1, None, "dead at {at_s} s");
+        assert!(outcome.missions[0].1.is_some());
+    }
+}
+
+#[test]
+fn a_run_that_is_given_up_on_the_way_home_has_not_finished() {
+    let mission = "[mission]\nkind = \"forward\"\ndistance_m = 4.0\n[safety]\nautonomy_s = 600.0\n";
+    let run = |until_s: f64| place(1, &format!("until_s = {until_s:?}"), mission).run_safely();
+    let whole = run(400.0);
+    assert!(whole.finished, "{:?}", whole.failure);
+    let (ended_at, _) = whole.missions[0].1.clone().expect("it ends");
+    let (ended_s, home_s) = (ended_at.as_secs_f64(), whole.simulated.as_secs_f64());
+    assert!(home_s > ended_s + 2.0, "{ended_s} {home_s}");
+    let cut = run(ended_s + 1.0);
+    assert!(cut.missions[0].1.is_some() && !cut.finished);
+    let why = cut.failure.unwrap_or_default();
+    assert!(
+        why.starts_with("vehicles at home: only 0 of 1 when the run was given up"),
+        "{why}"
+    );
+}

@@ -1,6 +1,6 @@
 //! An experiment with all files that it names, each read once, so that a file that changes under way changes nothing.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,7 +10,7 @@ use fnv::FnvHasher;
 use crate::cli::error::CliError;
 use crate::cli::load::{self, LoadedSimulation};
 use crate::cli::read;
-use crate::config::{self, Experiment, Problems, Sim};
+use crate::config::{self, Experiment, Problems, Sim, SourceFile};
 use crate::scene::VrmlScene;
 use crate::sim::{Scenario, ScenarioError};
 
@@ -156,11 +156,25 @@ impl ExperimentGrid {
     }
 
     fn sim(&self, cell: usize) -> Result<(Sim, Arc<VrmlScene>), CliError> {
+        self.sim_and_names(cell)
+            .map(|(sim, shapes, _)| (sim, shapes))
+    }
+
+    /// Returns the simulation of a cell, its shapes, and the names of the files that it was read from.
+    fn sim_and_names(
+        &self,
+        cell: usize,
+    ) -> Result<(Sim, Arc<VrmlScene>, BTreeSet<String>), CliError> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        let sim: Result<Sim, Problems> = self.experiment.sim(cell, &mut |name| files.text(name));
+        let mut names = BTreeSet::from([read::shown(&self.config)]);
+        let sim: Result<Sim, Problems> = self.experiment.sim(cell, &mut |name| {
+            names.insert(name.to_owned());
+            files.text(name)
+        });
         let sim = sim?;
+        names.extend(sim.scene.wrl.clone());
         let shapes = files.shapes(&sim)?;
-        Ok((sim, shapes))
+        Ok((sim, shapes, names))
     }
 
     fn loaded(&self, cell: usize) -> Result<LoadedSimulation, CliError> {
@@ -173,10 +187,22 @@ impl ExperimentGrid {
     /// # Errors
     /// What the files alone could not tell, for this seed.
     pub(super) fn scenario(&self, run: usize) -> Result<Scenario, CliError> {
-        let (sim, shapes) = self.sim(run / self.experiment.seeds())?;
+        let (sim, shapes, names) = self.sim_and_names(run / self.experiment.seeds())?;
         let seed = self.experiment.seed_of(run).unwrap_or(sim.seed);
         let refused = |error: ScenarioError| CliError::Usage(error.to_string());
-        Scenario::new(sim, shapes.shapes.clone(), seed).map_err(refused)
+        let mut scenario = Scenario::new(sim, shapes.shapes.clone(), seed).map_err(refused)?;
+        scenario.made_from = self.sources(&names);
+        Ok(scenario)
+    }
+
+    /// Returns files that were read, by their names.
+    fn sources(&self, names: &BTreeSet<String>) -> Vec<SourceFile> {
+        let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let read = names
+            .iter()
+            .filter_map(|name| Some((name, files.texts.get(name)?.as_ref().ok()?)));
+        read.map(|(name, text)| SourceFile::of(name, text.as_bytes()))
+            .collect()
     }
 
     /// Returns a hash over all files that have been read, without their names; complete once the grid is checked.

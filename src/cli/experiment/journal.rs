@@ -45,7 +45,7 @@ pub(super) struct Header {
 }
 
 /// The form of the journal that is written here.
-const FORM: u32 = 2;
+const FORM: u32 = 3;
 
 impl Header {
     /// Makes the header of an experiment.

@@ -47,8 +47,9 @@ pub(super) struct RunRow {
     pub(super) why: String,
     /// How the mission ended, of the vehicle with the worst end; empty for a sweep.
     pub(super) mission: String,
-    /// When the last mission ended, seconds of virtual time; the way home comes after it.
-    pub(super) mission_s: f64,
+    /// When the last mission ended, seconds of virtual time; the way home comes after it. `None` while one is under way, and
+    /// for a sweep.
+    pub(super) mission_s: Option<f64>,
     /// Contacts that the referee saw.
     pub(super) collisions: usize,
     /// Commands that led over the fence.
@@ -102,7 +103,7 @@ impl RunRow {
             end,
             why,
             mission: String::new(),
-            mission_s: 0.0,
+            mission_s: None,
             collisions: 0,
             fence_breaches: 0,
             simulated_s: 0.0,
@@ -187,7 +188,8 @@ impl RunRow {
             self.end.word().to_owned(),
             quoted(&self.why),
             self.mission.clone(),
-            format!("{:.1}", self.mission_s),
+            self.mission_s
+                .map_or(String::new(), |seconds| format!("{seconds:.1}")),
             self.collisions.to_string(),
             self.fence_breaches.to_string(),
             format!("{:.1}", self.simulated_s),
@@ -251,7 +253,7 @@ pub(super) const ENDS: [&str; 6] = [
     "under way",
 ];
 
-/// Returns the word for the worst end of all vehicles' missions; nothing when none has ended.
+/// Returns the word for the worst end of all vehicles' missions; nothing when there are none, in a sweep.
 fn worst_of(missions: &[EndedMission]) -> String {
     let rank = |(_, end): &EndedMission| match end.as_ref().map(|(_, end)| end) {
         Some(mission::EndReason::Done) => 0,
@@ -270,18 +272,18 @@ fn worst_of(missions: &[EndedMission]) -> String {
         Some(mission::EndReason::Refused(_)) => 4,
         None => 5,
     };
-    if missions.iter().all(|(_, end)| end.is_none()) {
-        return String::new();
-    }
-    let worst = missions.iter().map(rank).max().unwrap_or_default();
-    ENDS.get(worst).copied().unwrap_or_default().to_owned()
+    let worst = missions.iter().map(rank).max();
+    let word = worst.and_then(|worst| ENDS.get(worst).copied());
+    word.unwrap_or_default().to_owned()
 }
 
-fn last_of(missions: &[EndedMission]) -> f64 {
-    missions
+/// Returns when the last mission ended, seconds; `None` unless all have ended.
+fn last_of(missions: &[EndedMission]) -> Option<f64> {
+    let ends = missions
         .iter()
-        .filter_map(|(_, end)| Some(end.as_ref()?.0.as_secs_f64()))
-        .fold(0.0, f64::max)
+        .map(|(_, end)| Some(end.as_ref()?.0.as_secs_f64()));
+    let ends: Vec<f64> = ends.collect::<Option<_>>()?;
+    ends.into_iter().max_by(f64::total_cmp)
 }
 
 /// Returns which share a part is of something, 0 to 1; `None` of nothing.

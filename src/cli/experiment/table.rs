@@ -128,7 +128,7 @@ fn line(names: &[String], rows: &[&RunRow]) -> Vec<String> {
         ends(rows),
         count(|row| row.collisions > 0),
         mean(|row| Some(row.simulated_s), 0),
-        mean(|row| Some(row.mission_s), 0),
+        mean(|row| row.mission_s, 0),
         mean(|row| Some(row.occupied_cells as f64), 1),
         mean(seen, 1),
         least(seen, 1),
@@ -259,11 +259,11 @@ mod tests {
         assert_eq!(
             lines[1],
             [
-                "zoo", "2", "1", "-", "0", "20", "0", "0.0", "55.0", "50.0", "-", "-", "-", "-",
+                "zoo", "2", "1", "-", "0", "20", "-", "0.0", "55.0", "50.0", "-", "-", "-", "-",
                 "-", "0.0", "-", "0"
             ]
         );
-        assert_eq!(lines[2][..7], ["ant", "2", "2", "-", "0", "5", "0"]);
+        assert_eq!(lines[2][..7], ["ant", "2", "2", "-", "0", "5", "-"]);
         assert!(
             text.contains("zoo: 1 × stuck\n") && text.ends_with("4 of 4 runs of trial\n"),
             "{text}"

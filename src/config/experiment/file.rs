@@ -97,7 +97,10 @@ impl ExperimentFile {
                 "a simulation file is needed, or [[scene]] tables that each name one",
             );
         }
+        self.check_missions_are_whole(root, "with.mission", &self.with.0);
         for (index, row) in self.scenes.iter().enumerate() {
+            let key = format!("scene[{index}].with.mission");
+            self.check_missions_are_whole(root, &key, &row.with.0);
             if self.sim_of(row).is_none() {
                 let rule = "the name of a simulation file is needed, here or for all";
                 root.source.note(
@@ -119,6 +122,20 @@ impl ExperimentFile {
                 );
             }
         }
+    }
+
+    /// Refuses what is laid over a mission that each `[[mission]]` takes the place of.
+    fn check_missions_are_whole(&self, root: &Section, key: &str, with: &Layer) {
+        let Some(line) = with
+            .line_in("mission")
+            .filter(|_| !self.missions.is_empty())
+        else {
+            return;
+        };
+        let wrong = "has no effect: each [[mission]] is a whole mission of its own";
+        let rule = "keys of a mission belong into [[mission]], or into [scene.mission.NAME]";
+        root.source
+            .note(ProblemClass::Keys, line, key, "", wrong, rule);
     }
 
     /// Returns the simulation file of a row, which may be that of all.

@@ -298,6 +298,9 @@ proptest! {
         ],
     ) {
         let sensor = angle_deg.map(|angle| format!("[[sensor]]\nhalf_angle_deg = {angle}\n"));
+        // Beside whole missions nothing is laid over one.
+        let is_doubled = !missions.is_empty() && with.contains("[with.mission]");
+        let with = if is_doubled { "" } else { with };
         let text = format!(
             "name = \"random\"\n{}{}{}{}{seeds}{with}{missions}{scenes}{}",
             axis(SAFETY, &safety_cm, 100.0),
@@ -311,6 +314,28 @@ proptest! {
         let second = read_experiment("-", &written).unwrap_or_else(|problems| panic!("{problems}\n{written}"));
         prop_assert_eq!(&crate::config::to_toml(&Config::Experiment(Box::new(second.clone()))), &written);
         check_same_grid(&first, &second, &mut load);
+    }
+}
+
+#[test]
+fn what_is_laid_over_a_mission_beside_whole_ones_is_refused() {
+    let mission = "[[mission]]\nkind = \"pathfind\"\n";
+    let laid = "[with.mission]\nwaypoints_m = [[8.0, 8.0]]\n";
+    let row = "[[scene]]\nsim = \"a.sim.toml\"\n[scene.with.mission]\nrounds = 2\n";
+    for (text, place) in [
+        (
+            format!("sim = \"a.sim.toml\"\n{mission}{laid}"),
+            "e.toml:6: with.mission",
+        ),
+        (format!("{mission}{row}"), "e.toml:7: scene[0].with.mission"),
+    ] {
+        let text = format!("kind = \"experiment\"\n{text}");
+        let problems = read_experiment("e.toml", &text).expect_err("it is refused");
+        let expected = format!(
+            "{place}: has no effect: each [[mission]] is a whole mission of its own; keys of a mission belong into \
+             [[mission]], or into [scene.mission.NAME]"
+        );
+        assert!(problems.to_string().contains(&expected), "{problems}");
     }
 }
 

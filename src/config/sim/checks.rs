@@ -192,13 +192,10 @@ pub(super) fn check_wind(root: &Section, sim: &Sim) {
 /// Returns whether copters can fly in their wind.
 fn can_fly(sim: &Sim) -> bool {
     let Sim {
-        venue,
-        vehicles,
-        safety,
-        ..
+        venue, vehicles, ..
     } = sim;
     let (body, carried_m) = (&vehicles.body, vehicles.flight.carried_m());
-    let reach_m = body.radius_m + safety.padding_m + carried_m;
+    let reach_m = room_at_fence_m(sim) + carried_m;
     let mut homes = venue.homes.iter().take(vehicles.count);
     let area = venue.area.polygon();
     let has_ring = !sim.is_planned_by_ground()
@@ -219,7 +216,9 @@ pub(super) fn check_places(root: &Section, sim: &Sim) {
             check_ring(root, sim);
         }
     }
-    check_task(root, sim.task.as_ref(), &sim.venue);
+    let vehicles = &sim.vehicles;
+    let body_m = vehicles.body.radius_m + vehicles.flight.carried_m() + place_off_m(sim);
+    check_task(root, sim.task.as_ref(), &sim.venue, body_m);
     if sim.mission.is_of_one() && sim.vehicles.count != 1 {
         let allowed = "count = 1 is needed for a mission that one autopilot carries out";
         let key = match root.source.is_known("vehicles.count") {
@@ -251,6 +250,18 @@ pub(super) fn check_places(root: &Section, sim: &Sim) {
     }
 }
 
+/// Returns how far from the fence the middle of a vehicle is meant to be at least, metres: its radius, and its padding, or what its
+/// place may be off if that is more. Wind is not counted.
+fn room_at_fence_m(sim: &Sim) -> f64 {
+    let vehicles = &sim.vehicles;
+    vehicles.body.radius_m + sim.safety.padding_m.max(place_off_m(sim))
+}
+
+/// Returns by how much a place may be off at most, metres: three deviations.
+fn place_off_m(sim: &Sim) -> f64 {
+    3.0 * sim.vehicles.pose_sd_m
+}
+
 fn check_homes(root: &Section, sim: &Sim) {
     let (count, homes) = (sim.vehicles.count, &sim.venue.homes);
     if homes.len() < count {
@@ -263,7 +274,7 @@ fn check_homes(root: &Section, sim: &Sim) {
         return;
     }
     let apart_m = sim.venue.swarm.separation_m;
-    let reach_m = sim.vehicles.body.radius_m + sim.safety.padding_m;
+    let reach_m = room_at_fence_m(sim);
     for (index, home) in homes.iter().take(count).enumerate() {
         if !sim.venue.fence.contains_disc(*home, reach_m) {
             let wrong = format!(
@@ -273,7 +284,7 @@ fn check_homes(root: &Section, sim: &Sim) {
             root.refuse(
                 "venue",
                 &wrong,
-                "a vehicle and its padding must fit at home",
+                "a vehicle, its padding and three deviations of its place must fit at home",
             );
         }
         check_nobody_at_home(root, sim, index + 1, *home);
@@ -305,17 +316,28 @@ fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
     }
 }
 
-/// Refuses a mission that leads out of the fence.
-pub(in crate::config) fn check_task(root: &Section, task: Option<&TaskKind>, venue: &Venue) {
+/// Refuses a mission that leads out of the fence, or nearer to it than a vehicle's body needs.
+pub(in crate::config) fn check_task(
+    root: &Section,
+    task: Option<&TaskKind>,
+    venue: &Venue,
+    body_m: f64,
+) {
     let places = task.map(TaskKind::places).unwrap_or_default();
     let mut places = places.into_iter().map(Point::from);
-    let Some(outside) = places.find(|place| !venue.fence.contains(*place)) else {
+    let Some(at) = places.find(|place| !venue.fence.contains_disc(*place, body_m)) else {
         return;
     };
-    let wrong = format!(
-        "leads to ({}, {}), outside the fence of the venue",
-        outside.x_m, outside.y_m
+    let (place, edge_m) = (
+        format!("({}, {})", at.x_m, at.y_m),
+        venue.fence.distance_to_edge(at),
     );
+    let wrong = match venue.fence.contains(at) {
+        false => format!("leads to {place}, outside the fence of the venue"),
+        true => format!(
+            "leads to {place}, {edge_m:.2} m from the fence, where a vehicle whose place may be off needs {body_m:.2} m"
+        ),
+    };
     let key = ["mission.waypoints_m", "mission.size_m", "mission"];
     let key = key
         .into_iter()
@@ -326,11 +348,7 @@ pub(in crate::config) fn check_task(root: &Section, task: Option<&TaskKind>, ven
 }
 
 pub(super) fn check_ring(root: &Section, sim: &Sim) {
-    check_border(
-        root,
-        &sim.venue,
-        sim.vehicles.body.radius_m + sim.safety.padding_m,
-    );
+    check_border(root, &sim.venue, room_at_fence_m(sim));
     check_gaps(
         root,
         &sim.venue,
@@ -353,7 +371,7 @@ pub(in crate::config) fn check_border(root: &Section, venue: &Venue, reach_m: f6
         root.refuse(
             "venue",
             &wrong,
-            "vehicles drive along the area's border and need their radius and padding",
+            "vehicles drive along the area's border and need their radius, their padding and three deviations of their place",
         );
     }
 }

@@ -95,6 +95,8 @@ pub struct ScenarioRunner {
     is_swept: bool,
     /// When and how missions ended.
     ended: BTreeMap<VehicleId, (Time, EndReason)>,
+    /// Whether every mission had ended when the script did.
+    are_missions_done: bool,
     run_log: RunLog,
 }
 
@@ -128,6 +130,7 @@ impl ScenarioRunner {
             runs: BTreeMap::new(),
             home: BTreeSet::new(),
             lost_after: sim.venue.swarm.lost_after(),
+            are_missions_done: false,
             is_swept: sim.is_planned_by_ground(),
             ended: BTreeMap::new(),
             run_log: RunLog::default(),
@@ -147,6 +150,8 @@ impl ScenarioRunner {
         for out in output {
             let going = self.carry_out(out);
             if going != ScenarioStatus::On {
+                // Now, while those that are there are heard: later all are stopped.
+                self.are_missions_done = self.are_missions_ended();
                 return going;
             }
         }
@@ -188,7 +193,7 @@ impl ScenarioRunner {
                 .runs
                 .get(&RUN)
                 .is_some_and(|run| run.end == Some(RunEnd::Done)),
-            false => self.are_missions_ended(),
+            false => self.are_missions_done || self.are_missions_ended(),
         };
         let mission = |id: &VehicleId| (*id, self.ended.get(id).cloned());
         let missions = self

@@ -3,11 +3,11 @@
 use tomoswarm_proto::Boot;
 
 use super::*;
-use crate::autopilot::{ArmRefusal, FlightMode, VehicleKind};
+use crate::autopilot::{ArmRefusal, FlightMode, Item, VehicleKind};
 use crate::config::{FaultKind, FaultSpec};
 use crate::geom::Point;
 use crate::plan::{Mount, Mounts};
-use crate::sim::world::tests::{drive, secs, world};
+use crate::sim::world::tests::{drive, secs, stage, world};
 
 const ONE: VehicleId = VehicleId(1);
 
@@ -475,5 +475,51 @@ fn a_flood_of_commands_leaves_nothing_behind() {
         environment.pending() < 20,
         "{} things are to happen",
         environment.pending()
+    );
+}
+
+#[test]
+fn a_stored_mission_is_braked_too_when_its_companion_is_silent() {
+    for (kind, altitude_m) in [(VehicleKind::Rover, 0.0), (VehicleKind::Copter, 2.0)] {
+        let mut environment = begun(world(kind, altitude_m, &[], &[0.0]), Vec::new());
+        let waypoint = |x_m: f64| Item::Waypoint {
+            at: Point::new(x_m, 0.0),
+            altitude_m,
+            delay: Duration::ZERO,
+        };
+        let mission = vec![waypoint(0.0), waypoint(20.0), waypoint(40.0)];
+        for command in [
+            Command::Upload(mission),
+            Command::Mode(FlightMode::Auto),
+            Command::Begin,
+        ] {
+            obey(&mut environment, 0.0, 0, to_device(command));
+        }
+        let speed_mps = |environment: &Environment, at_s: f64| {
+            environment.world().truth(0, secs(at_s)).speed_mps
+        };
+        obey(&mut environment, 3.0, 0, ping(1));
+        wake(&mut environment, 4.5);
+        assert!(speed_mps(&environment, 4.5) > 0.5, "{kind:?}");
+        wake(&mut environment, 9.0);
+        assert_eq!(speed_mps(&environment, 9.0), 0.0, "{kind:?}");
+    }
+}
+
+#[test]
+fn whoever_walks_into_a_vehicle_that_stands_touches_it_once() {
+    let mut environment = environment(&[], &[0.0, 6.0], Vec::new());
+    let mut output = wake(&mut environment, 1.0);
+    for step in 0..20 {
+        let at_s = 1.0 + 0.5 * f64::from(step);
+        output.extend(wake(&mut environment, at_s));
+        let walker_m = 3.0 - 0.25 * f64::from(step);
+        environment.set_stage(stage(&[(walker_m, 0.0, 1.8)]), &mut output);
+    }
+    output.extend(wake(&mut environment, 12.0));
+    assert_eq!(
+        contacts(&output),
+        1,
+        "the one in the way, and not at every step"
     );
 }

@@ -135,3 +135,12 @@ fn copters_are_judged_at_their_altitude() {
         "kind = \"copter\"\naltitude_m = 1.5\n"
     )));
 }
+
+#[test]
+fn copters_need_the_room_that_wind_takes() {
+    let copter = |wind_mps: f64| {
+        let vehicles = format!("kind = \"copter\"\naltitude_m = 0.5\nwind_mps = {wind_mps:?}\n");
+        is_open(&found(1.5, "", &vehicles))
+    };
+    assert!(copter(0.0) && !copter(5.0));
+}

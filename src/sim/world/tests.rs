@@ -21,7 +21,7 @@ pub fn secs(seconds_s: f64) -> Time {
 }
 
 /// A stage with posts of 0.5 m radius, by x and their two ends, on the x axis.
-fn stage(posts: &[(f64, f64, f64)]) -> WorldContents {
+pub fn stage(posts: &[(f64, f64, f64)]) -> WorldContents {
     let post = |(x_m, low_m, high_m): &(f64, f64, f64)| Post {
         name: "post".to_owned(),
         footprint: Footprint::Round {

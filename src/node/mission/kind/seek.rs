@@ -19,6 +19,7 @@ mod known_frontiers;
 mod look_history;
 mod look_search;
 mod peer_looks;
+mod shadow;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};

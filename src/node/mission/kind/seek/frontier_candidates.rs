@@ -1,5 +1,6 @@
 //! From where to look at what: of all places that can be reached, the best one to see one of the candidates from.
 
+use std::cell::RefCell;
 use std::ops::Range;
 
 use crate::geom::{Cell, Lattice, Point, Segment};
@@ -8,6 +9,7 @@ use crate::node::mission::terrain::ReachedGround;
 use crate::plan::{Component, Distances, SearchGrid};
 
 use super::look_history::{LookHistory, Rigour};
+use super::shadow::Shadow;
 
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
 const AWAY_FACTOR: f64 = 2.0;
@@ -87,11 +89,11 @@ impl Ground<'_> {
         for ring in RING_STEPS.windows(2).map(|ring| ring[0]..ring[1]) {
             let most_m = ring.end as f64 * COST_STEP_M;
             reached.search_to(most_m);
-            let is_near = |cell| cell == start_cell || squares.has_near(nodes.centre(cell));
-            for (cost_m, cell) in by_cost(&reached, start_cell, ring, is_near) {
-                if self.is_in_vain(nodes.centre(cell)) {
-                    continue;
-                }
+            let is_promising = |cell| {
+                (cell == start_cell || squares.has_near(cell))
+                    && !self.is_in_vain(nodes.centre(cell))
+            };
+            for (cost_m, cell) in by_cost(&reached, start_cell, ring, is_promising) {
                 // By cost upwards: from here on the way alone costs more than the best look that is known.
                 if cost_m + least_m >= best_m {
                     break;
@@ -104,15 +106,16 @@ impl Ground<'_> {
                 // What is farther away cannot be better.
                 let spare_m = (best_m - cost_m - least_m) / AWAY_FACTOR;
                 let within_m = reach.far_m.min(reach.near_m + spare_m);
-                for (one, looked_from) in squares.near(from, within_m) {
+                for sought in squares.near(from, within_m) {
+                    let one = &sought.one;
                     let away_m = one.at.distance_to(from);
                     let score_m =
                         cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
                     // What is cheap to ask comes first: the ray through the map is asked last, and seldom.
                     let is_better = away_m <= reach.far_m
                         && score_m < best_m
-                        && self.rigour.is_new(looked_from, from);
-                    if is_better && sees(self.occupancy, self.lattice, from, one.at) {
+                        && self.rigour.is_new(sought.looked_from, from);
+                    if is_better && self.is_seen(sought, from) {
                         (best, best_m) = (
                             Some(LookCandidate {
                                 from: cell,
@@ -154,12 +157,29 @@ impl Ground<'_> {
                 true => start,
                 false => nodes.centre(cell),
             };
-            squares.near(from, reach.far_m).any(|(one, looked_from)| {
-                one.at.distance_to(from) <= reach.far_m
-                    && self.rigour.is_new(looked_from, from)
-                    && sees(self.occupancy, self.lattice, from, one.at)
+            squares.near(from, reach.far_m).any(|sought| {
+                sought.one.at.distance_to(from) <= reach.far_m
+                    && self.rigour.is_new(sought.looked_from, from)
+                    && self.is_seen(sought, from)
             })
         })
+    }
+
+    /// Returns whether a candidate is seen from a place; what hides it is remembered.
+    fn is_seen(&self, sought: &Sought<'_>, from: Point) -> bool {
+        let at = sought.one.at;
+        if sought.shadow.borrow().holds(at, from) {
+            return false;
+        }
+        let is_seen = sees(self.occupancy, self.lattice, from, at);
+        if !is_seen {
+            let mut toward = self.lattice.cells_under(Segment::new(at, from));
+            let is_free = |cell: Cell| self.occupancy.occupancy(cell) == Occupancy::Free;
+            if let Some(hiding) = toward.find(|cell| !is_free(*cell)) {
+                sought.shadow.borrow_mut().add(at, self.lattice, hiding);
+            }
+        }
+        is_seen
     }
 
     /// Returns candidates by place, each with the places from where it was looked at.
@@ -225,20 +245,30 @@ fn by_cost(
     sorted
 }
 
-/// A candidate, and the places from where it was looked at.
-type LookedAt<'a> = (FrontierCandidate, &'a [Point]);
+/// A candidate, and what is known of looks at it.
+#[derive(Clone)]
+struct Sought<'a> {
+    one: FrontierCandidate,
+    /// The places from where it was looked at.
+    looked_from: &'a [Point],
+    /// From where it is surely not seen.
+    shadow: RefCell<Shadow>,
+}
 
 /// Candidates by place.
 struct Squares<'a> {
     low: Point,
     columns: usize,
     rows: usize,
-    /// Each with the places from where it was looked at.
-    of: Vec<Vec<LookedAt<'a>>>,
+    of: Vec<Vec<Sought<'a>>>,
     /// How many squares away candidates count.
     reach: usize,
     /// For each square that was asked for, those around it with candidates.
     around: Vec<Option<Vec<usize>>>,
+    /// The lowest cell of those that may be asked for, and the column of each column of cells and the row of each row.
+    first: Cell,
+    columns_of: Vec<usize>,
+    rows_of: Vec<usize>,
 }
 
 impl<'a> Squares<'a> {
@@ -246,19 +276,31 @@ impl<'a> Squares<'a> {
         let (low, high) = (lattice.centre(area.low), lattice.centre(area.high));
         let count = |from_m: f64, to_m: f64| ((to_m - from_m) / SQUARE_M).floor() as usize + 1;
         let (columns, rows) = (count(low.x_m, high.x_m), count(low.y_m, high.y_m));
-        Squares {
+        let mut squares = Squares {
             low,
             columns,
             rows,
             of: vec![Vec::new(); columns * rows],
             reach: (reach_m / SQUARE_M).ceil() as usize,
             around: vec![None; columns * rows],
-        }
+            first: area.low,
+            columns_of: Vec::new(),
+            rows_of: Vec::new(),
+        };
+        let place = |x, y| squares.place(lattice.centre(Cell::new(x, y)));
+        let columns_of = (area.low.x..=area.high.x).map(|x| place(x, area.low.y).0);
+        let rows_of = (area.low.y..=area.high.y).map(|y| place(area.low.x, y).1);
+        (squares.columns_of, squares.rows_of) = (columns_of.collect(), rows_of.collect());
+        squares
     }
 
     fn add(&mut self, one: FrontierCandidate, looked_from: &'a [Point]) {
         let (column, row) = self.place(one.at);
-        self.of[row * self.columns + column].push((one, looked_from));
+        self.of[row * self.columns + column].push(Sought {
+            one,
+            looked_from,
+            shadow: RefCell::default(),
+        });
     }
 
     /// Returns the column and row of the square of a place, or of the one nearest to it.
@@ -272,14 +314,15 @@ impl<'a> Squares<'a> {
         )
     }
 
-    /// Returns whether something lies in the squares around a place.
-    fn has_near(&mut self, at: Point) -> bool {
-        !self.around(at).0.is_empty()
+    /// Returns whether something lies in the squares around the middle of a cell of the area.
+    fn has_near(&mut self, cell: Cell) -> bool {
+        let column = self.columns_of[cell.x.abs_diff(self.first.x) as usize];
+        let row = self.rows_of[cell.y.abs_diff(self.first.y) as usize];
+        !self.around(column, row).0.is_empty()
     }
 
-    /// Returns the squares around a place with candidates, and all squares.
-    fn around(&mut self, at: Point) -> (&[usize], &[Vec<LookedAt<'a>>]) {
-        let (column, row) = self.place(at);
+    /// Returns the squares around one with candidates, and all squares.
+    fn around(&mut self, column: usize, row: usize) -> (&[usize], &[Vec<Sought<'a>>]) {
         let (of, width, reach) = (&self.of, self.columns, self.reach);
         let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
         let rows = row.saturating_sub(reach)..=(row + reach).min(self.rows - 1);
@@ -292,9 +335,10 @@ impl<'a> Squares<'a> {
     }
 
     /// Returns what lies in the squares around a place of which some ground is this near to it.
-    fn near(&mut self, at: Point, within_m: f64) -> impl Iterator<Item = &LookedAt<'a>> {
+    fn near(&mut self, at: Point, within_m: f64) -> impl Iterator<Item = &Sought<'a>> {
         let (low, width) = (self.low, self.columns);
-        let (around, of) = self.around(at);
+        let (column, row) = self.place(at);
+        let (around, of) = self.around(column, row);
         let is_near = move |square: &&usize| {
             let (column, row) = (**square % width, **square / width);
             let beside_m = |at_m: f64, low_m: f64, index: usize| {
