@@ -451,7 +451,9 @@ impl Actor for Vehicle {
             In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
             In::Autopilot(status) => self.autopilot(now, status, out),
             In::Scan(scan) => {
-                self.reports.note_scan(now);
+                if let Some(aim) = self.settings.look.mounts.aim(scan.beam) {
+                    self.reports.note_scan(now, aim.sensor);
+                }
                 self.scan(now, &scan, out);
             }
             In::Command(decided, command) => self.command(now, decided, command, out),

@@ -1,6 +1,7 @@
 //! What the vehicle says of itself: its state with every telemetry to its other actors, unrounded; less often the state that
 //! travels, which is made of it here and nowhere else; and which of its states an order answers. It decides nothing.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -21,7 +22,7 @@ use crate::time::Time;
 /// States are published this often while the mode stays the same.
 const PUBLISH_EVERY: Duration = Duration::from_millis(200);
 
-/// A vehicle does not see when no range sensor has answered for this long after a ping was due.
+/// A vehicle does not see when one of its range sensors has not answered for this long after a ping was due.
 const BLIND_AFTER: Duration = Duration::from_secs(1);
 
 /// What was said of the vehicle, and what its mission told to say.
@@ -34,8 +35,10 @@ pub(super) struct Reports {
     accepted: (RunId, Revision),
     /// Why the mission stands still on its own, if it does.
     mission_holds: Option<StandReason>,
-    /// When the last reading came, or the first state was made.
-    scanned_at: Option<Time>,
+    /// When the first state was made.
+    begun_at: Option<Time>,
+    /// When each range sensor has answered last, by its number.
+    answered_at: BTreeMap<usize, Time>,
 }
 
 impl Reports {
@@ -75,13 +78,18 @@ impl Reports {
     }
 
     /// Notes that a range sensor has answered.
-    pub(super) fn note_scan(&mut self, now: Time) {
-        self.scanned_at = Some(now);
+    pub(super) fn note_scan(&mut self, now: Time, sensor: usize) {
+        self.answered_at.insert(sensor, now);
+    }
+
+    /// Returns since when a range sensor has not answered; one that never has, since the first state was made.
+    fn silent_since(&self, sensor: usize) -> Option<Time> {
+        self.answered_at.get(&sensor).copied().or(self.begun_at)
     }
 
     fn begin(&mut self, now: Time) {
         self.sequence += 1;
-        self.scanned_at.get_or_insert(now);
+        self.begun_at.get_or_insert(now);
         self.made.note(now, self.sequence);
     }
 
@@ -118,10 +126,8 @@ impl Vehicle {
     }
 
     fn state(&self, now: Time, telemetry: &Telemetry) -> OwnState {
-        let scanned_at = self.reports.scanned_at.unwrap_or(now);
-        let blind_after = self.settings.look.period + BLIND_AFTER;
         OwnState {
-            sees: !self.settings.look.is_blind && now.since(scanned_at) <= blind_after,
+            sees: self.sees(now),
             sequence: self.reports.sequence,
             pose: telemetry.pose,
             flight_state: telemetry.flight_state,
@@ -136,6 +142,22 @@ impl Vehicle {
             accepted: self.reports.accepted,
             ordered: self.orders.highest(),
         }
+    }
+
+    /// Returns whether every range sensor that is asked answers.
+    fn sees(&self, now: Time) -> bool {
+        let look = &self.settings.look;
+        // Of several each is asked once a round at least.
+        let asked_every = match look.mounts.all() {
+            [_] => look.period,
+            _ => look.cycle(),
+        };
+        let answers = |sensor: usize| {
+            let silent_since = self.reports.silent_since(sensor).unwrap_or(now);
+            now.since(silent_since) <= asked_every + BLIND_AFTER
+        };
+        let mut aims = look.beams.iter().filter_map(|beam| look.mounts.aim(*beam));
+        !look.is_blind && aims.all(|aim| answers(aim.sensor))
     }
 
     /// Returns the state as it travels. A body is taken to drive the way it faces.
