@@ -18,7 +18,7 @@ use crate::operator::outcome::OrderOutcome;
 /// An order is given up after this time.
 const ORDER_WITHIN: Duration = Duration::from_secs(5);
 /// So long it is watched who comes to rest under a stop.
-const STOP_WITHIN: Duration = Duration::from_secs(15);
+pub(super) const STOP_WITHIN: Duration = Duration::from_secs(15);
 
 /// What a page asks for.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]

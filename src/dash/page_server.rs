@@ -24,7 +24,7 @@ use super::ghost::Ghost;
 use super::history::History;
 use super::links::LinkBook;
 use super::marks::MarkOrder;
-use super::orders::{OrderRequest, OrderWord};
+use super::orders::{OrderRequest, OrderWord, STOP_WITHIN};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
 use crate::config::{Config, Venue, to_toml};
@@ -426,8 +426,9 @@ impl PageServer {
         let is_stop = request.order == OrderWord::Stop && request.vehicles.is_empty();
         let given = self.board.orders().stop_of_all().filter(|_| is_stop)?;
         let is_lifted = self.lifted.is_some_and(|at| at >= given.at);
-        let is_new = now.since(given.at) < SAME_STOP;
-        let is_same = given.outcome.is_none() || (is_new && self.is_stop_open());
+        let age = now.since(given.at);
+        let is_on_its_way = given.outcome.is_none() && age < STOP_WITHIN;
+        let is_same = is_on_its_way || (age < SAME_STOP && self.is_stop_open());
         (is_same && !is_lifted).then_some(given.number)
     }
 

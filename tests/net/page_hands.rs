@@ -80,8 +80,10 @@ fn keys_fingers_and_links_do_what_the_page_says() {
 
     let look = Dash::token(&dash.look);
     browser.eval(&format!("location.hash = '#look={look}'; 0"));
+    // A page that is just being left answers nothing.
+    std::thread::sleep(Duration::from_secs(2));
     browser.until(
-        "document.documentElement.dataset.mayStop === 'no' && globalThis.tomoswarm?.model.place?.mayOrder === false",
+        "document.documentElement?.dataset.mayStop === 'no' && globalThis.tomoswarm?.model.place?.mayOrder === false",
         20,
     );
     assert_eq!(browser.complaints, Vec::<String>::new());

@@ -213,8 +213,11 @@ fn a_stop_that_reaches_nobody_is_one_stop_however_often_it_is_pressed_until_it_i
         );
     }
     assert_eq!(told(&server.due(at(14.0))), 1);
-    end(&mut server, 15.0, first);
-    assert_eq!(order(&mut server, 15.1, OPERATE, STOP), Ok(first + 1));
+    end(&mut server, 14.5, first);
+    let second = order(&mut server, 14.6, OPERATE, STOP);
+    assert_eq!(second, Ok(first + 1), "it was given up");
+    let third = order(&mut server, 29.7, OPERATE, STOP);
+    assert_eq!(third, Ok(first + 2), "nothing is heard of its end");
 }
 
 #[test]
