@@ -15,7 +15,7 @@ import { PreflightPanel } from "./preflight.js";
 import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
 import { SettingsPanel } from "./settings.js";
-import { say } from "./stop.js";
+import { say, showLost } from "./stop.js";
 import { Tabs } from "./tabs.js";
 import { TimeBar, clock } from "./time.js";
 import { SceneView } from "./view.js";
@@ -40,7 +40,7 @@ const panels = {
   plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
-  check: { panel: new PreflightPanel(token), of: ["states", "vehicle", "ground", "welcome"] },
+  check: { panel: new PreflightPanel(model, token), of: ["states", "vehicle", "ground", "moment", "welcome"] },
   marks: { panel: new MarkPanel(model, scene), of: ["marks", "finds", "welcome"] },
   begin: { panel: new BeginPanel(model, fleet, scene, token), of: ["ground", "welcome"] },
   settings: { panel: new SettingsPanel(model, scene, token), of: ["ground", "welcome"] },
@@ -51,6 +51,8 @@ let needsPanel = true;
 let isWanted = false;
 let needsScene = true;
 let needsImage = true;
+/** Since when the page is seen: while it is not, nothing comes. */
+let seenSince_ms = 0;
 
 const feed = new Feed(token, (buffer) => {
   const wasFilling = model.isFilling;
@@ -66,6 +68,7 @@ const feed = new Feed(token, (buffer) => {
   wantFrame();
 });
 
+orders.isConnected = () => feed.isOpen;
 const time = new TimeBar(model, feed);
 
 scene.wanted = view.wanted = () => { needsScene = true; wantFrame(); };
@@ -149,10 +152,17 @@ function ageText(isStale, age_ms) {
   return `${ago}; STOP and Hold are sent at once, Now (N) shows whom they reach`;
 }
 
+/** Whether nothing comes from the page's program; a page that has just been opened waits for it first. */
+function isLost(now_ms) {
+  const quiet_ms = now_ms - Math.max(model.heard_ms, seenSince_ms);
+  return model.isLive() && now_ms > STALE_MS && (!feed.isOpen || quiet_ms > STALE_MS);
+}
+
 function showHead() {
   const now_ms = performance.now();
   const age_ms = now_ms - model.heard_ms;
   const isStale = !feed.isOpen || age_ms > STALE_MS;
+  showLost(isLost(now_ms));
   document.documentElement.classList.toggle("stale", isStale);
   const age = document.getElementById("age");
   age.textContent = ageText(isStale, age_ms);
@@ -173,6 +183,8 @@ setInterval(() => {
   if (isAnySilent) scene.wanted();
   if (tabs.current === "radio" && model.pairs.size > 0) wantPanel();
 }, AGES_EVERY_MS);
+
+document.addEventListener("visibilitychange", () => { seenSince_ms = performance.now(); });
 
 const keys = document.getElementById("keys");
 document.getElementById("help").addEventListener("click", () => keys.showModal());

@@ -11,12 +11,15 @@ export class BeginPanel {
     Object.assign(this, { model, fleet, scene, token });
     this.places = [];
     this.fileText = null;
+    /** The run that is compared with; "" = none. It stays chosen while the list of runs comes anew. */
+    this.compared = "";
     this.wanted = () => {};
     this.form = document.getElementById("begin-form");
     this.kind = document.getElementById("mission-kind");
     this.kind.addEventListener("change", () => this.showKeys());
     document.getElementById("sweep-empty").addEventListener("click", () => this.chooseSweep(""));
     document.getElementById("sweep-compared").addEventListener("click", () => this.chooseSweep(this.emptyRun()));
+    document.getElementById("compare-with").addEventListener("input", (event) => { this.compared = event.target.value; });
     this.form.addEventListener("input", () => this.showCommand());
     this.form.addEventListener("submit", (event) => event.preventDefault());
     addEventListener("selected", () => this.showCommand());
@@ -32,8 +35,10 @@ export class BeginPanel {
   }
 
   offerRuns() {
+    // A connection begins, and does not know the runs yet.
+    if (this.model.ground === null) return;
     const choice = document.getElementById("compare-with");
-    const runs = this.model.ground?.runs ?? [];
+    const runs = this.model.ground.runs ?? [];
     const empty = this.emptyRun();
     const compared = document.getElementById("sweep-compared");
     compared.disabled = empty === "";
@@ -41,10 +46,11 @@ export class BeginPanel {
     // A list that is open stays as it is.
     if (choice.dataset.runs === JSON.stringify(runs) || document.activeElement === choice) return;
     choice.dataset.runs = JSON.stringify(runs);
-    const chosen = choice.value;
     const options = runs.map((run) => option(String(run.run), runText(run)));
+    const isKnown = this.compared === "" || runs.some((run) => String(run.run) === this.compared);
+    if (!isKnown) options.push(option(this.compared, `run ${this.compared}: not named by the ground station now`));
     choice.replaceChildren(option("", "none: this is the empty run"), ...options);
-    choice.value = runs.some((run) => String(run.run) === chosen) ? chosen : "";
+    choice.value = this.compared;
     this.showCommand();
   }
 
@@ -59,7 +65,7 @@ export class BeginPanel {
   chooseSweep(run) {
     this.kind.value = "sweep";
     this.showKeys();
-    document.getElementById("compare-with").value = run;
+    this.compared = document.getElementById("compare-with").value = run;
     this.showCommand();
   }
 
@@ -190,8 +196,7 @@ export class BeginPanel {
   }
 
   compareWith() {
-    const chosen = document.getElementById("compare-with").value;
-    return chosen === "" ? null : Number(chosen);
+    return this.compared === "" ? null : Number(this.compared);
   }
 
   showCommand() {

@@ -282,6 +282,6 @@ function stateOf(record, now_ms) {
 
 /** A date as the time of day; of no live swarm, in the time of the run. */
 export function timeOfDay(date, isLive) {
-  const form = { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false };
+  const form = { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" };
   return date.toLocaleTimeString([], isLive ? form : { ...form, timeZone: "UTC" });
 }

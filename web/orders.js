@@ -9,11 +9,13 @@ export class Orders {
   constructor(model, fleet) {
     this.model = model;
     this.fleet = fleet;
+    /** Whether the server is there: a seat that is renewed in vain takes up the connections that Stop needs. */
+    this.isConnected = () => false;
     for (const order of ["start", "return", "land"]) this.heldButton(order, () => this.give(order));
     this.heldButton("take-seat", () => this.takeSeat());
     addEventListener("selected", () => this.showTargets());
     setInterval(() => {
-      if (this.hasSeat() && !document.hidden) post({ order: "seat" });
+      if (this.hasSeat() && !document.hidden && this.isConnected()) post({ order: "seat" });
     }, RENEW_MS);
   }
 
@@ -37,10 +39,15 @@ export class Orders {
       timer = null;
       button.classList.remove("filling");
     };
-    button.addEventListener("pointerdown", begin);
+    button.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      // A finger is caught by what it touches, and would not leave it.
+      if (button.hasPointerCapture(event.pointerId)) button.releasePointerCapture(event.pointerId);
+      begin();
+    });
     for (const kind of ["pointerup", "pointerleave", "pointercancel", "blur"]) button.addEventListener(kind, end);
     button.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") begin();
+      if (event.key === "Enter" && !event.repeat) begin();
     });
     button.addEventListener("keyup", (event) => {
       if (event.key === "Enter") end();
@@ -122,5 +129,8 @@ function stopText(stop) {
   const whom = stop.vehicle === null ? "all vehicles" : `vehicle ${stop.vehicle}`;
   const shown = stop.shown.length ? `shown by ${stop.shown.join(", ")}` : "shown by nobody yet";
   const open = stop.notShown.length ? `, NOT shown by ${stop.notShown.join(", ")}` : "";
-  return [`STOP ${stop.name} for ${whom}, by operator ${stop.by}: ${shown}${open}. A start lifts it.`, "stop"];
+  const ends = stop.isMany
+    ? "It stands for more stops than have names: no start from here lifts it, but tomoswarm order CONFIG start --lift-all does."
+    : "A start lifts it.";
+  return [`STOP ${stop.name} for ${whom}, by operator ${stop.by}: ${shown}${open}. ${ends}`, "stop"];
 }

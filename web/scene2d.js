@@ -47,26 +47,34 @@ export class Scene {
 
   listen() {
     const { canvas } = this;
-    let from = null;
+    /** Where each pointer is that is down, by its id. */
+    const pointers = new Map();
+    /** Where the only one went down; null = there were others, and nothing is pointed at. */
     let down = null;
     canvas.addEventListener("pointerdown", (event) => {
-      from = [event.clientX, event.clientY];
-      down = from;
+      const at = [event.clientX, event.clientY];
+      pointers.set(event.pointerId, at);
+      down = pointers.size === 1 ? at : null;
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
       this.point(event);
-      if (!from || !this.view) return;
-      this.move(event.clientX - from[0], event.clientY - from[1]);
-      from = [event.clientX, event.clientY];
+      if (!pointers.has(event.pointerId) || !this.view) return;
+      const before = [...pointers.values()];
+      pointers.set(event.pointerId, [event.clientX, event.clientY]);
+      this.drag(before, [...pointers.values()]);
     });
     canvas.addEventListener("pointerup", (event) => {
       const isTap = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < TAP_PIXELS;
       if (isTap && this.view) (this.pick ?? this.pointedAt)(...this.placeOf(event));
       if (isTap && this.view && event.pointerType !== "mouse") this.hovered(this.placeOf(event));
-      from = null;
+      pointers.delete(event.pointerId);
+      down = null;
     });
-    canvas.addEventListener("pointercancel", () => { from = null; });
+    canvas.addEventListener("pointercancel", (event) => {
+      pointers.delete(event.pointerId);
+      down = null;
+    });
     canvas.addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse") this.hovered(null); });
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
@@ -90,6 +98,15 @@ export class Scene {
       if (!this.isChosen) this.view = null;
       this.wanted();
     }).observe(canvas);
+  }
+
+  /** What is seen follows the pointers that are down, as they were and as they are: one moves it, and two zoom as well. */
+  drag(before, after) {
+    const [was, is] = [between(before), between(after)];
+    this.move(is.x - was.x, is.y - was.y);
+    if (was.apart < TAP_PIXELS || is.apart < TAP_PIXELS) return;
+    const rect = this.canvas.getBoundingClientRect();
+    this.zoom(is.apart / was.apart, is.x - rect.left, is.y - rect.top);
   }
 
   /** Lets places that are pointed at go to `pick`, or (null) where they usually go; `dropped` is told when that ends. */
@@ -503,4 +520,9 @@ export class Scene {
     pen.stroke();
     this.write(pen, "N", x + nx * 20 - 4, y - ny * 20 + 4);
   }
+}
+
+/** The middle of the first two pointers, and how far they are apart; of a single one it is where that is. */
+function between([[x0, y0], [x1, y1] = [x0, y0]]) {
+  return { x: (x0 + x1) / 2, y: (y0 + y1) / 2, apart: Math.hypot(x1 - x0, y1 - y0) };
 }

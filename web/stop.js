@@ -7,8 +7,32 @@ const mayOrder = word === "operate" && Boolean(token);
 const result = document.getElementById("stop-result");
 const bar = document.getElementById("bar");
 const CANNOT = "Cannot stop from here: use the radio, or tomoswarm order CONFIG emergency.";
+/** What has no answer by then is said to be in vain. */
+const SLOW_MS = 2000;
+/** What is to move somebody must not arrive later than this. */
+const ANSWERED_WITHIN_MS = 4000;
 
-/** Posts an order, or a mark, and says how that went; the answer's number, or null. */
+// A link that is pasted into an open page has another token.
+addEventListener("hashchange", () => location.reload());
+
+/** Says that nothing of this page arrives. */
+function sayDead(words = "") {
+  bar.classList.add("dead");
+  say(`${words}${CANNOT}`, "refused");
+}
+
+/** Shows whether the page's program is lost: then nobody may be stopped from here, though orders are tried all the same. */
+export function showLost(isLost) {
+  if (!mayOrder || bar.classList.contains("lost") === isLost) return;
+  bar.classList.toggle("lost", isLost);
+  if (isLost) say(CANNOT, "refused");
+  else {
+    bar.classList.remove("dead");
+    if (result.textContent.endsWith(CANNOT)) say("");
+  }
+}
+
+/** Posts an order, or a mark, and says how that went; the answer's number, or null. What stops goes on when its answer takes long. */
 export async function post(order, to = "order") {
   const source = document.documentElement.dataset.source ?? "LIVE";
   if (source !== "LIVE") {
@@ -20,23 +44,28 @@ export async function post(order, to = "order") {
     return null;
   }
   const page = Number(document.documentElement.dataset.page ?? 0);
+  const stops = order.order === "stop" || order.order === "hold";
+  const slow = stops ? setTimeout(sayDead, SLOW_MS) : undefined;
   try {
     const answer = await fetch(to, {
       method: "POST",
       headers: { Authorization: `Bearer ${token}`, "Content-Type": "application/json" },
       body: JSON.stringify({ page, ...order }),
       keepalive: true,
+      signal: stops ? undefined : AbortSignal.timeout(ANSWERED_WITHIN_MS),
     });
     const text = await answer.text();
+    clearTimeout(slow);
     if (!answer.ok) {
       say(`${order.order ?? to} was refused: ${text}`, "refused");
       return null;
     }
     bar.classList.remove("dead");
     return JSON.parse(text).number;
-  } catch {
-    bar.classList.add("dead");
-    say(CANNOT, "refused");
+  } catch (error) {
+    clearTimeout(slow);
+    const isLate = error.name === "TimeoutError";
+    sayDead(isLate ? `${order.order ?? to} has no answer: whether it is given stands in its list. ` : "");
     return null;
   }
 }
@@ -86,6 +115,10 @@ addEventListener("keydown", (event) => {
   if (event.code === "Space") {
     event.preventDefault();
     if (!event.repeat) stop();
+  } else if (event.key === "Enter" && event.target.matches?.("input[type=checkbox]")) {
+    // Space, which ticks a box elsewhere, is Stop.
+    event.preventDefault();
+    if (!event.repeat) event.target.click();
   } else if (event.key.toLowerCase() === "h" && document.documentElement.dataset.keys !== "off" && !event.ctrlKey && !event.altKey && !event.metaKey) {
     event.preventDefault();
     if (!event.repeat) hold();

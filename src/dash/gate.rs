@@ -59,6 +59,12 @@ pub enum GateRefusal {
     /// The token may look only.
     #[error("this link may look only: take the one with #operate")]
     LookOnly,
+    /// No token came in time.
+    #[error("no token came within {} s", FIRST_WITHIN.as_secs())]
+    Late,
+    /// A page that is not connected asks for the seat.
+    #[error("this page is not connected, and cannot have the seat")]
+    NotOpen,
     /// There are too many pages.
     #[error("{PAGES_MAX} pages are open already")]
     Pages,
@@ -74,6 +80,24 @@ pub enum GateRefusal {
     /// What was said cannot be read.
     #[error("{0}")]
     Unreadable(String),
+}
+
+impl GateRefusal {
+    /// Returns whether the same may be taken a moment later.
+    pub fn is_passing(&self) -> bool {
+        match self {
+            GateRefusal::Late | GateRefusal::Pages | GateRefusal::Flood => true,
+            GateRefusal::Host
+            | GateRefusal::Origin
+            | GateRefusal::Token
+            | GateRefusal::NotLive
+            | GateRefusal::LookOnly
+            | GateRefusal::NotOpen
+            | GateRefusal::NoSeat
+            | GateRefusal::SeatTaken(_)
+            | GateRefusal::Unreadable(_) => false,
+        }
+    }
 }
 
 /// The names by which a server is known to requests.

@@ -1,39 +1,102 @@
 //! The files of a run as far as it was heard, for a page beside which there is no store of a ground station: samples, links and
-//! marks as `tomoswarm export` writes them, what lies where on the earth, and the venue. It makes text and writes nothing.
+//! marks as `tomoswarm export` writes them, what lies where on the earth, and the venue. It makes text and writes nothing, and
+//! has copies of what it needs, so that a thread can make a file while more is heard.
 
 use serde_json::json;
-use tomoswarm_proto::{ImageSubject, Position, RunId};
+use tomoswarm_proto::{Find, ImageSubject, Position, RunId, VehicleId};
 
 use super::board::Board;
 use super::geojson::Features;
-use super::links::LinkBook;
+use super::links::HeardLinks;
 use super::marks::MarkState;
-use super::run_files::{MARKS_HEADER, RunFiles};
+use super::run_files::{MARKS_HEADER, RunFiles, exported};
 use crate::config::{Config, Venue, to_toml};
 use crate::geom::Point;
 use crate::tomo::links_csv;
 
 /// What was heard.
-#[derive(Clone, Copy)]
-pub struct HeardFiles<'a> {
-    /// The place.
-    pub venue: &'a Venue,
-    /// Marks, images and tracks.
-    pub board: &'a Board,
-    /// Samples and links.
-    pub links: &'a LinkBook,
+#[derive(Clone, Debug)]
+pub struct HeardFiles {
+    venue: Venue,
+    links: HeardLinks,
+    /// Where somebody truly stood, and in which run.
+    marks: Vec<(RunId, Position)>,
+    images: Vec<ImageFinds>,
+    tracks: Vec<(VehicleId, Vec<Position>)>,
 }
 
-impl HeardFiles<'_> {
+/// What was found in the newest image of a kind.
+#[derive(Clone, Debug)]
+struct ImageFinds {
+    kind: &'static str,
+    run: RunId,
+    laps: u32,
+    finds: Vec<Find>,
+}
+
+impl ImageFinds {
+    fn of(board: &Board, subject: ImageSubject, kind: &'static str) -> Option<ImageFinds> {
+        let image = board.image(subject)?.parts.get(&0)?;
+        Some(ImageFinds {
+            kind,
+            run: image.run,
+            laps: image.laps,
+            finds: image.finds.clone(),
+        })
+    }
+}
+
+impl HeardFiles {
+    /// Copies what is needed of the place, of marks, images and tracks, and of samples and links.
+    pub fn new(venue: &Venue, board: &Board, links: &HeardLinks) -> HeardFiles {
+        let is_stored = |state: MarkState| match state {
+            MarkState::Stored | MarkState::TakingBack => true,
+            MarkState::Asked => false,
+        };
+        let marks = board.marks().known();
+        let marks = marks.filter(|(_, _, state)| is_stored(*state));
+        let ids = board.view().vehicles().map(|(id, _)| id);
+        let track = |id| Some((id, board.track(id)?.places().to_vec()));
+        let structure = ImageFinds::of(board, ImageSubject::Structure, "structure");
+        let change = ImageFinds::of(board, ImageSubject::Change, "change");
+        HeardFiles {
+            venue: venue.clone(),
+            links: links.clone(),
+            marks: marks.map(|(run, at, _)| (run, at)).collect(),
+            images: structure.into_iter().chain(change).collect(),
+            tracks: ids.filter_map(track).collect(),
+        }
+    }
+
+    /// Returns a file of a run, or without a name which files there are.
+    ///
+    /// # Errors
+    /// Nothing was heard of the run, or there is no such file; in words.
+    pub fn exported(&self, run: RunId, name: Option<&str>) -> Result<Vec<u8>, String> {
+        let source = match self.links.samples().left_out(run) {
+            0 => "what this page's program has heard".to_owned(),
+            count => format!("what this page's program has heard; {count} samples had no room"),
+        };
+        exported(self, &source, (run, name))
+    }
+
+    /// Returns the links of a run as a file of `tomoswarm image`.
+    ///
+    /// # Errors
+    /// Nothing was heard of them; in words.
+    pub fn links_file(&self, run: RunId) -> Result<String, String> {
+        let links = self.links.measured(run);
+        let nothing = || format!("this page has heard no samples of run {run}");
+        let text = (!links.is_empty()).then(|| links_csv(&links));
+        text.ok_or_else(nothing)
+    }
+
     /// Returns the file of a name; `None` = there is none of that.
     fn made(&self, run: RunId, name: &str) -> Option<String> {
         let of_run = name.strip_prefix(&format!("run-{run}-"));
         match (of_run, name) {
             (Some("samples.csv"), _) => self.links.samples().csv(run),
-            (Some("links.csv"), _) => {
-                let links = self.links.measured(run);
-                (!links.is_empty()).then(|| links_csv(&links))
-            }
+            (Some("links.csv"), _) => self.links_file(run).ok(),
             (Some("marks.csv"), _) => self.marks(run),
             (None, "swarm.geojson") => Some(self.features(run)),
             (None, "venue.toml") => Some(to_toml(&Config::Venue(self.venue.clone()))),
@@ -42,13 +105,8 @@ impl HeardFiles<'_> {
     }
 
     fn stored_marks(&self, run: RunId) -> impl Iterator<Item = Position> {
-        let all = self.board.marks().known();
-        let is_stored = |state: MarkState| match state {
-            MarkState::Stored | MarkState::TakingBack => true,
-            MarkState::Asked => false,
-        };
-        all.filter(move |(of, _, state)| *of == run && is_stored(*state))
-            .map(|(_, at, _)| at)
+        let all = self.marks.iter();
+        all.filter(move |(of, _)| *of == run).map(|(_, at)| *at)
     }
 
     /// Returns where somebody truly stood; when that was marked is known to the ground station.
@@ -60,19 +118,11 @@ impl HeardFiles<'_> {
 
     /// Returns area, fence, homes, finds of the newest images of a run, its marks, and where vehicles have been.
     fn features(&self, run: RunId) -> String {
-        let mut features = Features::of_venue(self.venue);
-        for (subject, kind) in [
-            (ImageSubject::Structure, "structure"),
-            (ImageSubject::Change, "change"),
-        ] {
-            let image = self.board.image(subject);
-            let image = image.and_then(|image| image.parts.get(&0));
-            let Some(image) = image.filter(|image| image.run == run) else {
-                continue;
-            };
+        let mut features = Features::of_venue(&self.venue);
+        for image in self.images.iter().filter(|image| image.run == run) {
             for (index, find) in image.finds.iter().enumerate() {
                 let says = json!({
-                    "what": "find", "run": run.0, "kind": kind, "laps": image.laps, "rank": index + 1,
+                    "what": "find", "run": run.0, "kind": image.kind, "laps": image.laps, "rank": index + 1,
                     "strength_db_per_m": f64::from(find.strength_udb_per_m) / 1e6,
                     "probability": find.probability.map(|share| share.fraction()),
                 });
@@ -82,24 +132,19 @@ impl HeardFiles<'_> {
         for at in self.stored_marks(run) {
             features.place(json!({ "what": "mark", "run": run.0 }), at.into());
         }
-        for (id, _) in self.board.view().vehicles() {
-            let places = self.board.track(id).map(|track| track.places());
-            let points: Vec<Point> = places
-                .into_iter()
-                .flatten()
-                .map(|at| Point::from(*at))
-                .collect();
+        for (id, places) in &self.tracks {
+            let points: Vec<Point> = places.iter().map(|at| Point::from(*at)).collect();
             features.track(json!({ "what": "track", "vehicle": id.0 }), &points);
         }
         features.text()
     }
 }
 
-impl RunFiles for HeardFiles<'_> {
+impl RunFiles for HeardFiles {
     fn names(&self, run: RunId) -> Result<Vec<String>, String> {
         let of_run = ["links", "marks", "samples"].map(|kind| format!("run-{run}-{kind}.csv"));
         let is_there = [
-            !self.links.of(run).is_empty(),
+            self.links.has(run),
             self.stored_marks(run).next().is_some(),
             self.links.samples().has(run),
         ];
@@ -133,6 +178,7 @@ mod tests {
     use super::*;
     use crate::config;
     use crate::dash::board::BoardInput;
+    use crate::dash::links::LinkBook;
     use crate::geom::Lattice;
     use crate::operator::tests_support::{at, heard};
     use tomoswarm_proto::{Boot, Mark, Message, PoseReport, Sample, Samples, VehicleId};
@@ -181,11 +227,13 @@ mod tests {
             stands: true,
         };
         board.take(at(1.0), &BoardInput::Heard(heard(Message::Mark(mark))));
-        let files = HeardFiles {
-            venue: &venue,
-            board: &board,
-            links: &links,
+        let files = HeardFiles::new(&venue, &board, links.heard());
+        // What comes while a file is made is not in it, and changes nothing of it.
+        let later = Samples {
+            vehicle: VehicleId(3),
+            ..batch()
         };
+        links.take(&later);
         let names = files.names(RunId(2)).unwrap();
         let expected = [
             "run-2-links.csv",

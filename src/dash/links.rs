@@ -5,6 +5,7 @@
 //! samples themselves are kept as long as there is room ([`SampleBook`]).
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
 
@@ -21,12 +22,18 @@ const RUNS_MAX: usize = 16;
 /// Links of one run at most.
 const LINKS_MAX: usize = 100_000;
 
-/// The links of all runs.
+/// The links of all runs, and which samples have come.
 #[derive(Clone, Debug, Default)]
 pub struct LinkBook {
     received: BTreeMap<(RunId, VehicleId, Boot), Received>,
-    bins: BTreeMap<RunId, LinkBins>,
-    /// Those that are new, as they came.
+    heard: HeardLinks,
+}
+
+/// The links of all runs. A copy costs nothing: it shares all of them until more comes, so that a thread can have one.
+#[derive(Clone, Debug, Default)]
+pub struct HeardLinks {
+    bins: BTreeMap<RunId, Arc<LinkBins>>,
+    /// The samples that are new, as they came.
     samples: SampleBook,
 }
 
@@ -38,12 +45,16 @@ struct Received {
 }
 
 impl Received {
-    /// Takes a sequence; returns whether it is new and there was room for it.
+    /// Takes a sequence; returns whether it is new. Where too many have come above a gap, it is taken for one that stays.
     fn take(&mut self, sequence: u64) -> bool {
-        let is_room = sequence == self.below || self.beyond.len() < BEYOND_MAX;
         let is_new = sequence >= self.below && sequence != u64::MAX;
-        if !is_room || !is_new || !self.beyond.insert(sequence) {
+        if !is_new || !self.beyond.insert(sequence) {
             return false;
+        }
+        if self.beyond.len() > BEYOND_MAX
+            && let Some(least) = self.beyond.first()
+        {
+            self.below = *least;
         }
         while self.beyond.remove(&self.below) {
             self.below += 1;
@@ -61,22 +72,23 @@ impl LinkBook {
             return;
         }
         let received = self.received.entry(source).or_default();
-        let bins = self.bins.entry(batch.run).or_default();
+        let HeardLinks { bins, samples } = &mut self.heard;
+        let of_run = Arc::make_mut(bins.entry(batch.run).or_default());
         for sample in batch.samples.iter() {
-            if bins.len() < LINKS_MAX && received.take(sample.sequence) {
+            if of_run.len() < LINKS_MAX && received.take(sample.sequence) {
                 let from = Point::from(sample.transmitter_pose.at);
                 let to = Point::from(sample.receiver_pose.at);
                 let devices = Devices {
                     transmitter: sample.transmitter,
                     receiver: batch.vehicle,
                 };
-                bins.record(devices, from, to, sample.rssi_dbm);
+                of_run.record(devices, from, to, sample.rssi_dbm);
                 let who = (batch.vehicle, batch.boot);
-                self.samples.take(batch.run, who, sample);
+                samples.take(batch.run, who, sample);
             }
         }
-        if self.bins.len() > RUNS_MAX
-            && let Some((oldest, _)) = self.bins.pop_first()
+        if bins.len() > RUNS_MAX
+            && let Some((oldest, _)) = bins.pop_first()
         {
             self.received.retain(|(run, ..), _| *run != oldest);
         }
@@ -84,17 +96,30 @@ impl LinkBook {
 
     /// Keeps no samples themselves from now on: whoever saves them has a store.
     pub fn keep_no_samples(&mut self) {
-        self.samples = SampleBook::new(0);
+        self.heard.samples = SampleBook::new(0);
     }
 
+    /// Returns what has come of links.
+    pub fn heard(&self) -> &HeardLinks {
+        &self.heard
+    }
+}
+
+impl HeardLinks {
     /// Returns the samples themselves.
     pub fn samples(&self) -> &SampleBook {
         &self.samples
     }
 
+    /// Returns whether anything was heard of the links of a run.
+    pub fn has(&self, run: RunId) -> bool {
+        self.bins.get(&run).is_some_and(|bins| bins.len() > 0)
+    }
+
     /// Returns the links of a run, in a fixed order, without what radios differ by.
     pub fn of(&self, run: RunId) -> Vec<Link> {
-        self.bins.get(&run).map(LinkBins::links).unwrap_or_default()
+        let bins = self.bins.get(&run);
+        bins.map(|bins| bins.links()).unwrap_or_default()
     }
 
     /// Returns the links of a run and those of the empty run that it is compared with; see [`LinkBins::links_against`].
@@ -105,6 +130,27 @@ impl LinkBook {
     /// Returns the links of a run as they were measured, for a file.
     pub fn measured(&self, run: RunId) -> Vec<Link> {
         let bins = self.bins.get(&run);
-        bins.map(LinkBins::measured_links).unwrap_or_default()
+        bins.map(|bins| bins.measured_links()).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sequences_go_on_being_taken_when_too_many_have_come_above_a_gap() {
+        let mut received = Received::default();
+        let most = BEYOND_MAX as u64;
+        assert!(received.take(0));
+        assert!(
+            (2..2 + 3 * most).all(|sequence| received.take(sequence)),
+            "1 is missing"
+        );
+        assert!(received.beyond.len() <= BEYOND_MAX);
+        for old in [0, 1, 2, 1 + 3 * most, u64::MAX] {
+            assert!(!received.take(old), "{old}");
+        }
+        assert_eq!(received.below, 2 + 3 * most);
     }
 }

@@ -14,12 +14,11 @@ use crate::operator::given_tasks::task_kind;
 use crate::operator::operator_actor::In;
 use crate::operator::order_goal::{MissionRequest, OrderGoal, StopRequest};
 use crate::operator::outcome::OrderOutcome;
-use crate::time::Time;
 
 /// An order is given up after this time.
 const ORDER_WITHIN: Duration = Duration::from_secs(5);
 /// So long it is watched who comes to rest under a stop.
-const STOP_WITHIN: Duration = Duration::from_secs(15);
+pub(super) const STOP_WITHIN: Duration = Duration::from_secs(15);
 
 /// What a page asks for.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -224,16 +223,14 @@ pub struct OrderBook {
 }
 
 impl OrderBook {
-    /// Returns the last stop for all vehicles, if it was given after a moment.
-    pub fn stop_of_all_since(&self, moment: Time) -> Option<&GivenOrder> {
+    /// Returns the last stop for all vehicles, unless something that moves was ordered after it.
+    pub fn stop_of_all(&self) -> Option<&GivenOrder> {
         let is_it = |order: &&GivenOrder| {
             order.request.order == OrderWord::Stop && order.request.vehicles.is_empty()
         };
-        self.given
-            .iter()
-            .rev()
-            .find(is_it)
-            .filter(|order| order.at >= moment)
+        let mut newest_first = self.given.iter().rev();
+        let last = newest_first.find(|order| is_it(order) || order.request.order.moves());
+        last.filter(is_it)
     }
 }
 

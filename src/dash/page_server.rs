@@ -24,7 +24,7 @@ use super::ghost::Ghost;
 use super::history::History;
 use super::links::LinkBook;
 use super::marks::MarkOrder;
-use super::orders::{OrderRequest, OrderWord};
+use super::orders::{OrderRequest, OrderWord, STOP_WITHIN};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
 use crate::config::{Config, Venue, to_toml};
@@ -34,11 +34,9 @@ use crate::operator::order_goal::GoalId;
 use crate::time::Time;
 use crate::tomo::ImagingSettings;
 
-/// A stop for all that is pressed again within this time, and is open, is the same one: who names more than eight stops a
-/// minute has them joined to *many*, which a start does not lift by itself.
+/// A stop for all that is pressed again within this time, and is open, is the same one: of more than eight names that are open
+/// the rest is joined to *many*, which a start does not lift by itself. So is one that is still on its way.
 const SAME_STOP: Duration = Duration::from_secs(8);
-/// So is one that is pressed again before anybody can have shown it.
-const SAME_PRESS: Duration = Duration::from_millis(300);
 
 /// The farthest moment that can be asked for, seconds; clocks may count from 1970.
 const FARTHEST_S: f64 = 1e10;
@@ -103,6 +101,8 @@ pub struct PageServer {
     pages: BTreeMap<PageId, Page>,
     last_page: u32,
     seat: Option<PageId>,
+    /// When it was heard last that no stop for all is open any more.
+    lifted: Option<Time>,
     /// The moment that is shown when it is not the present.
     shown: Option<Time>,
     /// All was told: pages begin at the beginning.
@@ -136,6 +136,7 @@ impl PageServer {
             pages: BTreeMap::new(),
             last_page: 0,
             seat: None,
+            lifted: None,
             shown: None,
             is_over: false,
             marked: None,
@@ -162,7 +163,11 @@ impl PageServer {
         if let HeardMessage::Message(_, Message::Samples(batch)) = heard {
             self.links.take(batch);
         }
+        let was_stopped = self.is_stop_open();
         self.tell(now, &BoardInput::Heard(heard.clone()));
+        if was_stopped && !self.is_stop_open() {
+            self.lifted = Some(now);
+        }
     }
 
     fn tell(&mut self, now: Time, input: &BoardInput) {
@@ -306,6 +311,7 @@ impl PageServer {
     ) -> Result<u32, GateRefusal> {
         self.gate.judge_authorization(authorization)?;
         let request = OrderRequest::read(body).map_err(GateRefusal::Unreadable)?;
+        self.judge_seat(&request)?;
         self.gate.judge_order(now, &request)?;
         self.look_at_seat(now);
         if request.order == OrderWord::Seat {
@@ -379,7 +385,7 @@ impl PageServer {
         let is_marked = std::mem::replace(&mut self.marked, marked) != marked;
         for (id, page) in &mut self.pages {
             if page.outbox.is_none() && now.since(page.opened) >= FIRST_WITHIN {
-                effects.push(PageEffect::Close(*id, GateRefusal::Token));
+                effects.push(PageEffect::Close(*id, GateRefusal::Late));
                 continue;
             }
             if is_marked && let Some(outbox) = &mut page.outbox {
@@ -406,16 +412,29 @@ impl PageServer {
         }
     }
 
-    /// Returns the number of a stop for all that was given a moment ago and is still open.
+    /// Judges whether a page may ask for the seat: a page that is gone gives it to nobody.
+    fn judge_seat(&self, request: &OrderRequest) -> Result<(), GateRefusal> {
+        let page = self.pages.get(&PageId(request.page));
+        let is_open = page.is_some_and(|page| page.outbox.is_some());
+        let may = request.order != OrderWord::Seat || is_open;
+        may.then_some(()).ok_or(GateRefusal::NotOpen)
+    }
+
+    /// Returns the number of a stop for all that is on its way, or was given a moment ago and is open. One that was lifted, or
+    /// after which something that moves was ordered, is over: what is pressed last counts.
     fn stop_under_way(&self, now: Time, request: &OrderRequest) -> Option<u32> {
         let is_stop = request.order == OrderWord::Stop && request.vehicles.is_empty();
-        let is_open = || {
-            let stops = self.board.view().open_stops();
-            stops.iter().any(|stop| stop.scope == StopScope::All)
-        };
-        let given = self.board.orders().stop_of_all_since(now - SAME_STOP)?;
-        let is_same = is_open() || now.since(given.at) < SAME_PRESS;
-        (is_stop && is_same).then_some(given.number)
+        let given = self.board.orders().stop_of_all().filter(|_| is_stop)?;
+        let is_lifted = self.lifted.is_some_and(|at| at >= given.at);
+        let age = now.since(given.at);
+        let is_on_its_way = given.outcome.is_none() && age < STOP_WITHIN;
+        let is_same = is_on_its_way || (age < SAME_STOP && self.is_stop_open());
+        (is_same && !is_lifted).then_some(given.number)
+    }
+
+    fn is_stop_open(&self) -> bool {
+        let stops = self.board.view().open_stops();
+        stops.iter().any(|stop| stop.scope == StopScope::All)
     }
 }
 

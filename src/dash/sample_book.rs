@@ -2,6 +2,7 @@
 //! the oldest run go, and of a run that fills all of it those that come then are left out.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use tomoswarm_proto::codec;
 use tomoswarm_proto::{Boot, RunId, Sample, VehicleId};
@@ -11,10 +12,10 @@ use crate::tomo::{SAMPLES_HEADER, SampleLine};
 /// All samples together take at most so many bytes.
 const SAMPLE_BYTES_MAX: usize = 16 << 20;
 
-/// The samples of all runs.
+/// The samples of all runs. A copy shares what is packed until more comes.
 #[derive(Clone, Debug)]
 pub struct SampleBook {
-    runs: BTreeMap<RunId, RunSamples>,
+    runs: BTreeMap<RunId, Arc<RunSamples>>,
     bytes: usize,
     bytes_max: usize,
 }
@@ -55,16 +56,19 @@ impl SampleBook {
             let is_alone = self.runs.keys().next() == Some(&run);
             let oldest = self.runs.first_entry().filter(|_| !is_alone);
             let Some(oldest) = oldest else {
-                let of_run = self.runs.entry(run).or_default();
-                of_run.left_out += 1;
+                self.run_mut(run).left_out += 1;
                 return;
             };
             self.bytes -= oldest.remove().packed.len();
         }
-        let of_run = self.runs.entry(run).or_default();
+        let of_run = self.run_mut(run);
         of_run.packed.extend(length.to_le_bytes());
         of_run.packed.extend(&packed);
         self.bytes += packed.len() + 2;
+    }
+
+    fn run_mut(&mut self, run: RunId) -> &mut RunSamples {
+        Arc::make_mut(self.runs.entry(run).or_default())
     }
 
     /// Returns how many samples of a run were left out.

@@ -385,6 +385,7 @@ pub fn orders(now: Time, board: &Board) -> String {
             .partition(|id| view.shows_stop(**id, stop.name));
         json!({
             "name": stop.name.to_string(),
+            "isMany": stop.name.is_many(),
             "vehicle": match stop.scope { StopScope::All => None, StopScope::One(id) => Some(id.0) },
             "by": stop.by.0,
             "shown": ids(&shown),

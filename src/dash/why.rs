@@ -1,6 +1,6 @@
 //! Why a pixel is dark: which links made it, how much each, and what the image leaves unexplained of it. It is asked by a page
-//! ([`WhyQuestion`]), made of the links that were heard ([`super::links`]), and answered apart from the server's loop, since it
-//! takes about a second.
+//! ([`WhyQuestion`]), made of the links that were heard ([`super::links`]), and answered apart from the server's loop
+//! ([`WhyTask`]), since it takes about a second.
 //!
 //! Only the solver `map` knows which links made a pixel, so that is what answers, on the grid of the image that is shown; its value
 //! and that of an image by another solver differ, and the page says both.
@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tomoswarm_proto::{Image, RunId};
 
+use super::links::HeardLinks;
 use crate::geom::{PixelGrid, Point, Rect, Segment};
 use crate::tomo::{Extras, Imager, ImagingSettings, Link, LinkShare};
 
@@ -25,6 +26,53 @@ pub struct WhyQuestion {
     pub subject: u8,
     /// The place, metres.
     pub at: [f64; 2],
+}
+
+/// A question with all that was heard.
+#[derive(Clone, Debug)]
+pub struct WhyTask {
+    /// Of which run.
+    pub run: RunId,
+    /// Whether it is about the image of the change.
+    pub is_change: bool,
+    /// The run that it is compared with.
+    pub empty_run: Option<RunId>,
+    /// The links of all runs.
+    pub links: HeardLinks,
+    /// How it is imaged.
+    pub settings: ImagingSettings,
+    /// The place.
+    pub at: Point,
+}
+
+impl WhyTask {
+    /// Returns the answer as text (JSON).
+    ///
+    /// # Errors
+    /// No samples were heard of a run; or there is no answer ([`WhyJob::answer`]); in words.
+    pub fn answer(self) -> Result<String, String> {
+        let (now, empty) = match self.empty_run {
+            Some(empty) => {
+                let (now, empty) = self.links.against(self.run, empty);
+                (now, Some(empty))
+            }
+            None => (self.links.of(self.run), None),
+        };
+        let lacks = now.is_empty() || empty.as_ref().is_some_and(Vec::is_empty);
+        if lacks || (self.is_change && empty.is_none()) {
+            let reason = "this page has not heard the samples of the run, or of the empty one: it began later";
+            return Err(reason.to_owned());
+        }
+        let job = WhyJob {
+            run: self.run,
+            empty_run: self.empty_run,
+            now,
+            empty,
+            settings: self.settings,
+            at: self.at,
+        };
+        job.answer()
+    }
 }
 
 /// What is needed for the answer.
@@ -186,6 +234,22 @@ mod tests {
         // Links go through it along x and along y only.
         let least = said["leastCovered_deg"].as_f64().unwrap();
         assert!((20.0..70.0).contains(&least), "{least}");
+    }
+
+    #[test]
+    fn a_run_that_was_not_heard_or_is_compared_with_none_is_said() {
+        let task = |is_change| WhyTask {
+            run: RunId(2),
+            is_change,
+            empty_run: None,
+            links: HeardLinks::default(),
+            settings: job(Point::new(9.0, 9.0)).settings,
+            at: Point::new(9.0, 9.0),
+        };
+        for is_change in [true, false] {
+            let refused = task(is_change).answer().unwrap_err();
+            assert!(refused.contains("has not heard the samples"), "{refused}");
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! Memory grows with the bins that were visited and the pairs that have met there, not with packets. Nothing is calibrated or
 //! dropped here.
 
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
@@ -232,12 +233,12 @@ impl LinkBins {
     /// Returns the links of two of some runs, by what each has measured; of a run without samples there are none. See
     /// [`LinkBins::links_against`].
     pub fn links_of_runs<R: Ord>(
-        runs: &BTreeMap<R, LinkBins>,
+        runs: &BTreeMap<R, impl Borrow<LinkBins>>,
         now: &R,
         empty: &R,
     ) -> (Vec<Link>, Vec<Link>) {
         let nothing = LinkBins::default();
-        let of = |run: &R| runs.get(run).unwrap_or(&nothing);
+        let of = |run: &R| runs.get(run).map_or(&nothing, Borrow::borrow);
         let (now, empty, _) = of(now).links_against(of(empty));
         (now, empty)
     }

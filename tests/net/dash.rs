@@ -19,7 +19,7 @@ use tomoswarm_proto::{
 use crate::browser::Browser;
 use crate::member::settings;
 use crate::swarm::{PROGRAM, Size, Swarm, free_address, vehicle};
-use crate::websocket::{text_message, upgrade};
+use crate::websocket::{Incoming, WebSocket, text_message, upgrade};
 
 /// What a vehicle calls itself and complains of, to see whether a page takes it for more than text.
 const EVIL: &str = "<img src=x onerror=alert(1)>";
@@ -240,20 +240,30 @@ fn strangers_at_the_page_are_refused() {
         assert!(head.contains(" 101 "), "{head}");
         stream
     };
-    let (said, after) = until_closed(open());
+    let began = Instant::now();
+    let closed = WebSocket(open()).next();
     assert!(
-        (1800..4000).contains(&after.as_millis()),
-        "a silent page: {after:?}"
+        (1800..4000).contains(&began.elapsed().as_millis()),
+        "a silent page: {:?}",
+        began.elapsed()
     );
+    let is_late = |why: &str| why.contains("no token came");
     assert!(
-        String::from_utf8_lossy(&said).contains("token"),
-        "it is told why"
+        matches!(&closed, Incoming::Close(1013, why) if is_late(why)),
+        "it is told why, and may try again: {closed:?}"
     );
-    for message in [
-        "x".repeat(5000),
-        json!({"token": "0".repeat(32)}).to_string(),
-        "{}".to_owned(),
-    ] {
+    let mut strange = WebSocket(open());
+    strange.say(&json!({"token": "0".repeat(32)}).to_string());
+    let closed = strange.next();
+    assert!(matches!(closed, Incoming::Close(1008, _)), "{closed:?}");
+    let mut too_many: Vec<WebSocket> = (0..17).map(|_| WebSocket(open())).collect();
+    let reasons = too_many.iter_mut().map(|page| match page.next() {
+        Incoming::Close(1013, why) => why,
+        other => panic!("{other:?}"),
+    });
+    let refused = reasons.filter(|why| why.contains("16 pages are open already"));
+    assert_eq!(refused.count(), 1);
+    for message in ["x".repeat(5000), "{}".to_owned()] {
         let mut stream = open();
         stream.write_all(&text_message(&message)).unwrap();
         let (said, after) = until_closed(stream);

@@ -36,6 +36,8 @@ mod page_begin;
 #[cfg(feature = "dash")]
 mod page_export;
 #[cfg(feature = "dash")]
+mod page_hands;
+#[cfg(feature = "dash")]
 mod page_marks;
 #[cfg(feature = "dash")]
 mod page_process;

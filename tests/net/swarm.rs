@@ -569,13 +569,21 @@ impl Swarm {
 
     /// Stops a process from running, without ending it.
     pub fn stop(&self, node: Sender) {
-        self.note(&format!("{node} stopped"));
-        self.processes[&Swarm::name(node)].signal(Signal::STOP);
+        self.stop_process(&Swarm::name(node));
     }
 
     pub fn go_on(&self, node: Sender) {
-        self.note(&format!("{node} goes on"));
-        self.processes[&Swarm::name(node)].signal(Signal::CONT);
+        self.let_process_go_on(&Swarm::name(node));
+    }
+
+    pub fn stop_process(&self, name: &str) {
+        self.note(&format!("{name} stopped"));
+        self.processes[name].signal(Signal::STOP);
+    }
+
+    pub fn let_process_go_on(&self, name: &str) {
+        self.note(&format!("{name} goes on"));
+        self.processes[name].signal(Signal::CONT);
     }
 
     /// Waits until a process ends by itself; returns its exit code and its log.

@@ -93,7 +93,8 @@ impl WebSocket {
                     let reason = String::from_utf8_lossy(reason).into_owned();
                     return Some(Incoming::Close(code, reason));
                 }
-                // Ping and pong.
+                9 => self.0.write_all(&message(10, &content)).ok()?,
+                // Pong.
                 _ => {}
             }
         }

@@ -7,17 +7,18 @@ use serde_json::json;
 use tomoswarm_proto::{ImageSubject, RunId};
 
 use super::PageServer;
+use crate::dash::board::Board;
 use crate::dash::cell_view::cell;
 use crate::dash::gate::{GateRefusal, PageId};
 use crate::dash::heard_files::HeardFiles;
 use crate::dash::metrics::metrics;
-use crate::dash::run_files::{MissionFormat, exported, places_of, waypoints};
-use crate::dash::why::{WhyJob, WhyQuestion, settings_of};
+use crate::dash::run_files::{MissionFormat, places_of, waypoints};
+use crate::dash::why::{WhyQuestion, WhyTask, settings_of};
 use crate::geom::Point;
 use crate::operator::preflight::{Requirements, inspect, is_go};
 use crate::operator::status::Expected;
 use crate::time::Time;
-use crate::tomo::{ImagingSettings, links_csv};
+use crate::tomo::ImagingSettings;
 
 /// Which cell is asked for.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -42,12 +43,17 @@ impl PageServer {
         asked: CellQuestion,
     ) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        let page = asked.page.and_then(|id| self.pages.get(&id));
-        let (at, board) = match page.and_then(|page| page.playback.as_ref()) {
+        let (at, board) = self.shown_to(now, asked.page);
+        Ok(cell(at, board, asked.at, asked.slice))
+    }
+
+    /// Returns the moment that a page looks at, and what was known then; without a page the present.
+    fn shown_to(&self, now: Time, page: Option<PageId>) -> (Time, &Board) {
+        let page = page.and_then(|id| self.pages.get(&id));
+        match page.and_then(|page| page.playback.as_ref()) {
             Some(playback) => (playback.moment(&self.history, now), playback.board()),
             None => (self.present(now), &self.board),
-        };
-        Ok(cell(at, board, asked.at, asked.slice))
+        }
     }
 
     /// Returns the metrics for whoever may look.
@@ -95,20 +101,6 @@ impl PageServer {
         Ok(self.settings.clone())
     }
 
-    /// Returns the links of a run as a file of `tomoswarm image`, for whoever may look.
-    ///
-    /// # Errors
-    /// The token is none of this server's; nothing was heard of the run.
-    pub fn links(&self, authorization: Option<&str>, run: RunId) -> Result<String, GateRefusal> {
-        self.gate.judge_looking(authorization)?;
-        let links = self.links.measured(run);
-        if links.is_empty() {
-            let reason = format!("this page has heard no samples of run {run}");
-            return Err(GateRefusal::Unreadable(reason));
-        }
-        Ok(links_csv(&links))
-    }
-
     /// Judges whether who asks may look.
     ///
     /// # Errors
@@ -117,21 +109,9 @@ impl PageServer {
         self.gate.judge_looking(authorization)
     }
 
-    /// Returns a file of a run as far as it was heard, or without a name which files there are; whoever asks may look.
-    ///
-    /// # Errors
-    /// Nothing was heard of the run, or there is no such file.
-    pub fn heard_file(&self, run: RunId, name: Option<&str>) -> Result<Vec<u8>, GateRefusal> {
-        let files = HeardFiles {
-            venue: &self.venue,
-            board: &self.board,
-            links: &self.links,
-        };
-        let source = match self.links.samples().left_out(run) {
-            0 => "what this page's program has heard".to_owned(),
-            count => format!("what this page's program has heard; {count} samples had no room"),
-        };
-        exported(&files, &source, (run, name)).map_err(GateRefusal::Unreadable)
+    /// Returns the files of runs as far as they were heard, which a thread may make for whoever may look.
+    pub fn heard_files(&self) -> HeardFiles {
+        HeardFiles::new(&self.venue, &self.board, self.links.heard())
     }
 
     /// Returns places (JSON, `[[x, y], …]`, metres) as a mission of QGroundControl in a format, for whoever may look.
@@ -164,8 +144,12 @@ impl PageServer {
     /// Returns what is needed to say which links made a pixel of the newest image, for whoever may look.
     ///
     /// # Errors
-    /// The token is none of this server's; the question cannot be read; there is no such image, or no links of it.
-    pub fn why(&self, authorization: Option<&str>, question: &[u8]) -> Result<WhyJob, GateRefusal> {
+    /// The token is none of this server's; the question cannot be read; there is no such image.
+    pub fn why(
+        &self,
+        authorization: Option<&str>,
+        question: &[u8],
+    ) -> Result<WhyTask, GateRefusal> {
         self.gate.judge_looking(authorization)?;
         let unreadable = |reason: String| GateRefusal::Unreadable(reason);
         let asked: WhyQuestion = serde_json::from_slice(question)
@@ -184,28 +168,14 @@ impl PageServer {
             grid: usual.grid,
             ..known
         });
-        let empty_run = is_change.then(|| self.compared_with(image.run)).flatten();
-        let (now, empty) = match empty_run {
-            Some(empty) => {
-                let (now, empty) = self.links.against(image.run, empty);
-                (now, Some(empty))
-            }
-            None => (self.links.of(image.run), None),
-        };
-        let job = WhyJob {
+        Ok(WhyTask {
             run: image.run,
-            empty_run,
-            now,
-            empty,
+            is_change,
+            empty_run: is_change.then(|| self.compared_with(image.run)).flatten(),
+            links: self.links.heard().clone(),
             settings,
             at: Point::new(asked.at[0], asked.at[1]),
-        };
-        let lacks = job.now.is_empty() || job.empty.as_ref().is_some_and(Vec::is_empty);
-        if lacks || (is_change && job.empty.is_none()) {
-            let reason = "this page has not heard the samples of the run, or of the empty one: it began later";
-            return Err(unreadable(reason.to_owned()));
-        }
-        Ok(job)
+        })
     }
 
     /// Returns the run that a run is compared with, as the ground station says.
@@ -218,8 +188,8 @@ impl PageServer {
         reports.find(|report| report.run == run)?.compared_with
     }
 
-    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
-    /// that all are to run.
+    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look, at the moment that a page looks
+    /// at; `software` is the version that all are to run.
     ///
     /// # Errors
     /// The token is none of this server's.
@@ -227,18 +197,19 @@ impl PageServer {
         &self,
         now: Time,
         authorization: Option<&str>,
+        page: Option<PageId>,
         software: &str,
     ) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        let now = self.present(now);
-        let view = self.board.view();
+        let (now, board) = self.shown_to(now, page);
+        let view = board.view();
         let everyone = Expected {
             vehicles: BTreeSet::new(),
             ground: true,
         };
         let needs = Requirements {
             vehicles: everyone.vehicles(view, now),
-            venue_hash: self.board.venue_hash(),
+            venue_hash: board.venue_hash(),
             fence: self.venue.fence.clone(),
             homes: self.venue.homes.clone(),
             pose_sd_max_m: None,

@@ -44,6 +44,20 @@ fn order(server: &mut PageServer, at_s: f64, token: &str, body: &str) -> Result<
     server.order(at(at_s), Some(&header), body.as_bytes())
 }
 
+/// A stop for all.
+const STOP: &str = r#"{"order":"stop","page":1}"#;
+
+/// The operator looks after an order no longer.
+fn end(server: &mut PageServer, at_s: f64, number: u32) {
+    let outcome = OrderOutcome {
+        vehicles: BTreeMap::new(),
+        lease: None,
+        run: None,
+        refused: None,
+    };
+    server.operator_said(at(at_s), &Out::Ended(GoalId::Hand(number), outcome));
+}
+
 fn told(effects: &[PageEffect]) -> usize {
     effects
         .iter()
@@ -96,7 +110,7 @@ fn a_page_that_says_no_token_in_two_seconds_is_closed_and_gets_nothing() {
     assert_eq!(server.deadline(at(0.0)), at(2.0));
     assert_eq!(
         server.due(at(2.0)),
-        [PageEffect::Close(id, GateRefusal::Token)]
+        [PageEffect::Close(id, GateRefusal::Late)]
     );
     assert_eq!(server.deadline(at(0.0)), Time::NEVER);
 }
@@ -142,13 +156,7 @@ fn an_order_reaches_the_operator_and_what_became_of_it_all_pages() {
     .unwrap();
     let effects = server.due(at(1.0));
     assert_eq!(told(&effects), 1);
-    let outcome = OrderOutcome {
-        vehicles: BTreeMap::new(),
-        lease: None,
-        run: None,
-        refused: None,
-    };
-    server.operator_said(at(2.0), &Out::Ended(GoalId::Hand(number), outcome));
+    end(&mut server, 2.0, number);
     server.page_said(at(1.1), one, r#"{"credit":2}"#).unwrap();
     let last = texts(&server.due(at(1.2)), one, FrameKind::Orders)
         .pop()
@@ -181,22 +189,97 @@ fn what_the_gate_refuses_is_told_to_nobody() {
 #[test]
 fn a_stop_that_is_open_is_not_named_again_when_it_is_pressed_again_at_once() {
     let mut server = server();
-    let stop = r#"{"order":"stop","page":1}"#;
-    let first = order(&mut server, 0.0, OPERATE, stop).unwrap();
-    assert_eq!(order(&mut server, 0.1, OPERATE, stop), Ok(first));
+    let first = order(&mut server, 0.0, OPERATE, STOP).unwrap();
+    assert_eq!(order(&mut server, 0.1, OPERATE, STOP), Ok(first));
+    server.hear(at(0.2), &stop_open());
+    end(&mut server, 0.3, first);
+    assert_eq!(order(&mut server, 2.0, OPERATE, STOP), Ok(first));
     assert_eq!(
-        order(&mut server, 1.0, OPERATE, stop),
+        order(&mut server, 8.5, OPERATE, STOP),
         Ok(first + 1),
-        "nobody has shown it"
-    );
-    server.hear(at(1.1), &stop_open());
-    assert_eq!(order(&mut server, 2.0, OPERATE, stop), Ok(first + 1));
-    assert_eq!(
-        order(&mut server, 9.5, OPERATE, stop),
-        Ok(first + 2),
         "a while has gone"
     );
-    assert_eq!(told(&server.due(at(9.5))), 3);
+    assert_eq!(told(&server.due(at(8.5))), 2);
+}
+
+#[test]
+fn a_stop_that_reaches_nobody_is_one_stop_however_often_it_is_pressed_until_it_is_given_up() {
+    let mut server = server();
+    let first = order(&mut server, 0.0, OPERATE, STOP).unwrap();
+    for press in 1..15 {
+        assert_eq!(
+            order(&mut server, f64::from(press), OPERATE, STOP),
+            Ok(first)
+        );
+    }
+    assert_eq!(told(&server.due(at(14.0))), 1);
+    end(&mut server, 14.5, first);
+    let second = order(&mut server, 14.6, OPERATE, STOP);
+    assert_eq!(second, Ok(first + 1), "it was given up");
+    let third = order(&mut server, 29.7, OPERATE, STOP);
+    assert_eq!(third, Ok(first + 2), "nothing is heard of its end");
+}
+
+#[test]
+fn a_stop_after_a_start_is_another_one_so_that_it_counts_more() {
+    let mut server = server();
+    let one = page(&mut server, 0.0, OPERATE);
+    let seat = json!({ "order": "seat", "page": one.0 }).to_string();
+    order(&mut server, 0.0, OPERATE, &seat).unwrap();
+    let first = order(&mut server, 0.1, OPERATE, STOP).unwrap();
+    server.hear(at(0.2), &stop_open());
+    for (index, word) in (0..).zip(["start", "return", "land"]) {
+        let now_s = 0.3 + f64::from(index);
+        let moves = json!({ "order": word, "page": one.0 }).to_string();
+        let given = order(&mut server, now_s, OPERATE, &moves).unwrap();
+        let stop = order(&mut server, now_s + 0.1, OPERATE, STOP);
+        assert_eq!(stop, Ok(given + 1), "it withdraws the {word}");
+        assert_eq!(order(&mut server, now_s + 0.2, OPERATE, STOP), stop);
+    }
+    let told = server.due(at(3.0)).into_iter().filter_map(|effect| {
+        let PageEffect::Tell(input) = effect else {
+            return None;
+        };
+        Some(matches!(input, In::Stop(..)))
+    });
+    let expected = [true, false, true, false, true, false, true];
+    assert_eq!(told.collect::<Vec<bool>>(), expected);
+    assert_eq!(first, 1);
+}
+
+#[test]
+fn a_stop_that_was_lifted_elsewhere_is_given_anew_though_it_is_still_looked_after() {
+    let mut server = server();
+    let first = order(&mut server, 0.0, OPERATE, STOP).unwrap();
+    server.hear(at(0.2), &stop_open());
+    let lifted = OpenStops {
+        open: Vec::new(),
+        lifted: vec![EmergencyName(77_777)],
+    };
+    let sender = Sender::Vehicle(VehicleId(1));
+    let lifted = HeardMessage::Message(sender, Message::Standing(lifted));
+    server.hear(at(3.0), &lifted);
+    assert_eq!(order(&mut server, 3.1, OPERATE, STOP), Ok(first + 1));
+}
+
+#[test]
+fn a_page_that_is_not_connected_cannot_have_the_seat() {
+    let mut server = server();
+    let one = page(&mut server, 0.0, OPERATE);
+    let silent = server.open(at(0.0)).unwrap();
+    let ask = |server: &mut PageServer, id: PageId| {
+        let seat = json!({ "order": "seat", "page": id.0, "take_over": true }).to_string();
+        order(server, 0.5, OPERATE, &seat)
+    };
+    for id in [silent, PageId(9)] {
+        assert_eq!(ask(&mut server, id), Err(GateRefusal::NotOpen));
+    }
+    assert!(ask(&mut server, one).is_ok());
+    server.closed(one);
+    assert_eq!(ask(&mut server, one), Err(GateRefusal::NotOpen));
+    assert_eq!(server.board().orders().seat, Some(one));
+    server.due(at(0.6));
+    assert_eq!(server.board().orders().seat, None);
 }
 
 #[test]
@@ -349,9 +432,8 @@ fn marks_of_whoever_may_not_and_what_is_no_mark_are_refused_and_told_to_nobody()
         mark(&mut of_swarm, 2.5, OPERATE, MARK),
         Err(GateRefusal::Flood)
     );
-    let stop = r#"{"order":"stop","page":1}"#;
     assert!(
-        order(&mut of_swarm, 2.5, OPERATE, stop).is_ok(),
+        order(&mut of_swarm, 2.5, OPERATE, STOP).is_ok(),
         "a flood of marks keeps no stop back"
     );
 }
@@ -389,7 +471,7 @@ fn a_mission_that_is_wrong_is_refused_and_told_to_nobody() {
 fn who_may_look_reads_the_checks_before_a_start_and_nobody_else_does() {
     let mut server = server();
     let ask = |server: &PageServer, token: &str| {
-        server.preflight(at(1.5), Some(&format!("Bearer {token}")), "0.1.0")
+        server.preflight(at(1.5), Some(&format!("Bearer {token}")), None, "0.1.0")
     };
     assert_eq!(ask(&server, "x"), Err(GateRefusal::Token));
     server.hear(at(1.0), &heard(Message::State(state(1))));
@@ -401,6 +483,23 @@ fn who_may_look_reads_the_checks_before_a_start_and_nobody_else_does() {
         .filter_map(|node| node["node"].as_str())
         .collect();
     assert_eq!(names, ["vehicle 1", "ground", "swarm"]);
+}
+
+#[test]
+fn the_checks_before_a_start_are_those_of_the_moment_that_a_page_looks_at() {
+    let mut server = ten_vehicles();
+    let (one, two) = (page(&mut server, 11.0, LOOK), page(&mut server, 11.0, LOOK));
+    drawn(&mut server, one, 11.0);
+    show(&mut server, one, 11.0, r#"{"past":{"at_s":4.5,"speed":0}}"#);
+    drawn(&mut server, one, 11.0);
+    let nodes = |page: Option<PageId>| {
+        let header = format!("Bearer {LOOK}");
+        let text = server.preflight(at(11.0), Some(&header), page, "0.1.0");
+        let read: Value = serde_json::from_str(&text.unwrap()).unwrap();
+        read["nodes"].as_array().unwrap().len()
+    };
+    assert_eq!(nodes(Some(one)), nodes(None) - 6, "four vehicles of ten");
+    assert_eq!(nodes(Some(two)), nodes(None));
 }
 
 #[test]
@@ -427,13 +526,12 @@ fn what_is_no_live_swarm_takes_no_orders_and_is_dated_by_its_own_time() {
         assert!((shown_s - 500.0).abs() < 1e-6, "{shown_s} s");
         server.page_said(at(now_s), id, r#"{"credit":2}"#).unwrap();
     }
-    let stop = r#"{"order":"stop","page":1}"#;
     assert_eq!(
-        order(&mut server, 5.0, LOOK, stop),
+        order(&mut server, 5.0, LOOK, STOP),
         Err(GateRefusal::NotLive)
     );
     for token in ["", OPERATE] {
-        let refused = order(&mut server, 5.0, token, stop);
+        let refused = order(&mut server, 5.0, token, STOP);
         assert_eq!(refused, Err(GateRefusal::Token));
     }
     assert_eq!(told(&server.due(at(5.0))), 0);

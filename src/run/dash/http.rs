@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use axum::Router;
 use axum::body::Bytes;
@@ -21,6 +22,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
+use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout};
 use tokio_rustls::rustls::ServerConfig;
 use tomoswarm_proto::RunId;
 
@@ -36,9 +38,19 @@ use crate::dash::run_files::MissionFormat;
 /// Frames that wait for a page's connection; more are never on their way to it.
 const FRAMES_WAITING: usize = 8;
 /// A loop that has no room is told again so soon that a page is gone.
-const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
+const AGAIN: Duration = Duration::from_millis(50);
 /// The reason of a closed connection has at most this many bytes.
 const REASON_BYTES: usize = 120;
+/// Why it is closed: a policy is violated; or it may be tried again later (RFC 6455, 7.4.1, and its registry).
+const CLOSED_FOR_GOOD: u16 = 1008;
+const CLOSED_FOR_NOW: u16 = 1013;
+
+/// The other side is asked this often whether it is there; browsers answer by themselves.
+const PING_EVERY: Duration = Duration::from_secs(5);
+/// A connection from which nothing has come for so long is dead.
+const DEAD_AFTER: Duration = Duration::from_secs(15);
+/// So is one that takes nothing for so long.
+const TAKES_WITHIN: Duration = Duration::from_secs(60);
 
 /// What most answers are.
 const JSON_TYPE: &str = "application/json";
@@ -121,6 +133,15 @@ pub(super) enum Request {
         /// What it holds, or why there is none.
         reply: oneshot::Sender<Result<Vec<u8>, GateRefusal>>,
     },
+    /// The links of a run, CSV.
+    Links {
+        /// The header Authorization.
+        authorization: String,
+        /// Which run.
+        run: RunId,
+        /// The file, or why there is none.
+        reply: oneshot::Sender<Result<String, GateRefusal>>,
+    },
     /// Something is asked for that changes nothing.
     Look {
         /// What.
@@ -145,8 +166,8 @@ pub(super) enum PostWord {
 pub(super) enum LookWord {
     /// Metrics for Prometheus.
     Metrics,
-    /// The checks before a start, JSON.
-    Preflight,
+    /// The checks before a start, JSON, at the moment that a page looks at.
+    Preflight(Option<PageId>),
     /// What stands in the scene of a simulation, JSON.
     Mesh,
     /// Where the vehicles of another run were, JSON.
@@ -155,8 +176,6 @@ pub(super) enum LookWord {
     Cell(CellQuestion),
     /// What is set, TOML with the meaning of each key.
     Settings,
-    /// The links of a run, CSV.
-    Links(u32),
     /// These places (JSON) as a mission of QGroundControl.
     Waypoints(Vec<u8>, MissionFormat),
     /// The places (JSON) of such a mission.
@@ -318,11 +337,12 @@ fn refused(refusal: &GateRefusal) -> Response {
     let status = match refusal {
         GateRefusal::Host => StatusCode::MISDIRECTED_REQUEST,
         GateRefusal::Token => StatusCode::UNAUTHORIZED,
+        GateRefusal::Late => StatusCode::REQUEST_TIMEOUT,
         GateRefusal::Origin
         | GateRefusal::NotLive
         | GateRefusal::LookOnly
         | GateRefusal::NoSeat => StatusCode::FORBIDDEN,
-        GateRefusal::SeatTaken(_) => StatusCode::CONFLICT,
+        GateRefusal::SeatTaken(_) | GateRefusal::NotOpen => StatusCode::CONFLICT,
         GateRefusal::Pages | GateRefusal::Flood => StatusCode::TOO_MANY_REQUESTS,
         GateRefusal::Unreadable(_) => StatusCode::BAD_REQUEST,
     };
@@ -484,32 +504,52 @@ async fn end(
     }
 }
 
-/// Returns why the connection must end, if it is not the other side that has ended it.
+/// Returns why the connection must end, if it is not the other side that has ended it, or is gone.
 async fn carry(
     socket: &mut WebSocket,
     said_by_it: impl Fn(String) -> Request,
     outbound: &mut mpsc::Receiver<Outbound>,
     requests: &RequestSender,
 ) -> Option<GateRefusal> {
+    let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
+    pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut heard_at = Instant::now();
     loop {
         tokio::select! {
+            // What has come is read before the other side is judged.
+            biased;
+            said = socket.recv() => {
+                heard_at = Instant::now();
+                match said?.ok()? {
+                    Message::Text(text) => {
+                        if !requests.send(said_by_it(text.to_string())) {
+                            return Some(GateRefusal::Flood);
+                        }
+                    }
+                    Message::Ping(_) | Message::Pong(_) => {}
+                    Message::Binary(_) => return Some(GateRefusal::Unreadable("text is expected".to_owned())),
+                    Message::Close(_) => return None,
+                }
+            }
             out = outbound.recv() => match out? {
-                Outbound::Frame(frame) => socket.send(Message::Binary(frame.into())).await.ok()?,
-                Outbound::Text(text) => socket.send(Message::Text(text.into())).await.ok()?,
+                Outbound::Frame(frame) => send(socket, Message::Binary(frame.into())).await?,
+                Outbound::Text(text) => send(socket, Message::Text(text.into())).await?,
                 Outbound::Close(refusal) => return Some(refusal),
             },
-            said = socket.recv() => match said?.ok()? {
-                Message::Text(text) => {
-                    if !requests.send(said_by_it(text.to_string())) {
-                        return Some(GateRefusal::Flood);
-                    }
+            _ = pings.tick() => {
+                if heard_at.elapsed() >= DEAD_AFTER {
+                    return None;
                 }
-                Message::Ping(_) | Message::Pong(_) => {}
-                Message::Binary(_) => return Some(GateRefusal::Unreadable("text is expected".to_owned())),
-                Message::Close(_) => return None,
-            },
+                send(socket, Message::Ping(Bytes::new())).await?;
+            }
         }
     }
+}
+
+/// Sends; returns `None` when the connection is gone.
+async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
+    let sent = timeout(TAKES_WITHIN, socket.send(message)).await;
+    sent.ok()?.ok()
 }
 
 /// Ends a connection, and says why.
@@ -520,10 +560,13 @@ async fn close(mut socket: WebSocket, refusal: &GateRefusal) {
         let fits = starts.take_while(|at| *at <= REASON_BYTES).last();
         reason.truncate(fits.unwrap_or(0));
     }
-    // 1008: a policy is violated (RFC 6455, 7.4.1).
+    let code = match refusal.is_passing() {
+        true => CLOSED_FOR_NOW,
+        false => CLOSED_FOR_GOOD,
+    };
     let frame = CloseFrame {
-        code: 1008,
+        code,
         reason: reason.into(),
     };
-    let _ = socket.send(Message::Close(Some(frame))).await;
+    let _ = send(&mut socket, Message::Close(Some(frame))).await;
 }

@@ -199,7 +199,7 @@ impl Pages {
                 question,
                 reply,
             } => match self.server.why(Some(&authorization), &question) {
-                Ok(job) => self.pixels.give(PIXEL_BUSY, move || job.answer(), reply),
+                Ok(task) => self.pixels.give(PIXEL_BUSY, move || task.answer(), reply),
                 Err(refusal) => send(reply, Err(refusal)),
             },
             Request::Export {
@@ -211,6 +211,18 @@ impl Pages {
                 Ok(()) => self.export(run, name, reply),
                 Err(refusal) => send(reply, Err(refusal)),
             },
+            Request::Links {
+                authorization,
+                run,
+                reply,
+            } => match self.server.judge_looking(Some(&authorization)) {
+                Ok(()) => {
+                    let heard = self.server.heard_files();
+                    let work = move || heard.links_file(run);
+                    self.exports.give(EXPORT_BUSY, work, reply);
+                }
+                Err(refusal) => send(reply, Err(refusal)),
+            },
             Request::Look {
                 what,
                 authorization,
@@ -219,12 +231,11 @@ impl Pages {
                 let token = Some(authorization.as_str());
                 let text = match what {
                     LookWord::Metrics => self.server.metrics(now, token),
-                    LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
+                    LookWord::Preflight(page) => self.server.preflight(now, token, page, SOFTWARE),
                     LookWord::Mesh => self.server.mesh(token),
                     LookWord::Ghost => self.server.ghost(token),
                     LookWord::Cell(asked) => self.server.cell(now, token, asked),
                     LookWord::Settings => self.server.settings(token),
-                    LookWord::Links(run) => self.server.links(token, RunId(run)),
                     LookWord::Waypoints(places, format) => {
                         self.server.waypoints(token, &places, format)
                     }
@@ -264,7 +275,9 @@ impl Pages {
     /// Answers with a file of a run, or without a name with which files there are.
     fn export(&self, run: RunId, name: Option<String>, reply: Reply<Vec<u8>>) {
         let Some(store) = self.store.clone() else {
-            return send(reply, self.server.heard_file(run, name.as_deref()));
+            let heard = self.server.heard_files();
+            let work = move || heard.exported(run, name.as_deref());
+            return self.exports.give(EXPORT_BUSY, work, reply);
         };
         let work = move || exported(&*store, STORE_WORDS, (run, name.as_deref()));
         self.exports.give(EXPORT_BUSY, work, reply);

@@ -26,8 +26,22 @@ pub(super) async fn metrics(State(shared): State<Arc<Shared>>, headers: HeaderMa
     look(&shared, LookWord::Metrics, &headers, METRICS_TYPE).await
 }
 
-pub(super) async fn preflight(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Preflight, &headers, JSON_TYPE).await
+/// The checks before a start, at the moment that a page looks at (`page=NUMBER`), or now.
+pub(super) async fn preflight(
+    State(shared): State<Arc<Shared>>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Response {
+    match value_of(&uri, "page").map(str::parse).transpose() {
+        Ok(page) => {
+            let what = LookWord::Preflight(page.map(PageId));
+            look(&shared, what, &headers, JSON_TYPE).await
+        }
+        Err(_) => {
+            let expected = "nothing or page=NUMBER is expected";
+            refused(&GateRefusal::Unreadable(expected.to_owned()))
+        }
+    }
 }
 
 pub(super) async fn mesh(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
@@ -85,12 +99,16 @@ pub(super) async fn links(
     headers: HeaderMap,
 ) -> Response {
     let run = uri.query().and_then(|query| query.strip_prefix("run="));
-    match run.and_then(|run| run.parse().ok()) {
-        Some(run) => look(&shared, LookWord::Links(run), &headers, "text/csv").await,
-        None => refused(&GateRefusal::Unreadable(
-            "run=NUMBER is expected".to_owned(),
-        )),
-    }
+    let Some(run) = run.and_then(|run| run.parse().ok()) else {
+        let expected = "run=NUMBER is expected".to_owned();
+        return refused(&GateRefusal::Unreadable(expected));
+    };
+    let links = |authorization, reply| Request::Links {
+        authorization,
+        run: RunId(run),
+        reply,
+    };
+    ask(&shared, &headers, "text/csv", links).await
 }
 
 /// Places as a mission, `as=plan` or as a text of waypoints.
