@@ -242,9 +242,15 @@ impl Node {
         let mut load = |wanted: &str| {
             let inside = Path::new(wanted).strip_prefix(folder).ok();
             let file = inside.and_then(|name| files.get(name.to_str()?));
-            match file {
-                Some(file) => String::from_utf8(file.clone()).map_err(|error| error.to_string()),
-                None => elsewhere(wanted),
+            match (file, inside) {
+                (Some(file), _) => {
+                    String::from_utf8(file.clone()).map_err(|error| error.to_string())
+                }
+                // It would be gone after the exchange.
+                (None, Some(_)) => Err(format!(
+                    "{wanted} is in a folder inside the node's, or is missing: files beside the configuration are expected"
+                )),
+                (None, None) => elsewhere(wanted),
             }
         };
         let shown = read::shown(&path);
@@ -371,7 +377,8 @@ fn files_in(folder: &Path) -> Result<Files, CliError> {
     for entry in std::fs::read_dir(folder).map_err(unlisted)? {
         let entry = entry.map_err(unlisted)?;
         let path = entry.path();
-        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        // A link counts as what it leads to.
+        let is_file = path.is_file();
         let name = entry.file_name().into_string();
         if let (true, Ok(name)) = (is_file, name) {
             let content = read_limited_bytes(&path).map_err(|source| unread(&path, source))?;

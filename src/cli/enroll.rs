@@ -180,7 +180,10 @@ impl EnrollArgs {
         let (next, issued) = self.issue(&swarm, wanted)?;
         if issued.is_empty() {
             let issue = swarm.roster.issue;
-            return Ok(format!("all are enrolled already, roster issue {issue}\n"));
+            let gone = self.without_folders(&swarm)?;
+            return Ok(format!(
+                "all are enrolled already, roster issue {issue}\n{gone}"
+            ));
         }
         let new: Vec<NewNode> = issued
             .into_iter()
@@ -223,6 +226,19 @@ impl EnrollArgs {
             );
         }
         Ok(said + &roster_advice(&swarm, &next, is_new))
+    }
+
+    /// Says of which nodes that are enrolled there is no folder here: they were carried away, or never written.
+    fn without_folders(&self, swarm: &Swarm) -> Result<String, CliError> {
+        let wanted = self.wanted()?.into_iter();
+        let gone =
+            wanted.filter(|wanted| !swarm.node_folder(wanted.node).join(CERTIFICATE).exists());
+        let names = gone.map(|wanted| CommonName::node_name(wanted.node));
+        Ok(names
+            .map(|name| {
+                format!("{name} has no certificate here: unless its folder was carried to it, give it a new one (--replace)\n")
+            })
+            .collect())
     }
 
     /// Issues certificates for those that are not enrolled already in just this way, and the roster that allows them all.

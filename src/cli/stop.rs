@@ -1,18 +1,20 @@
 //! How a command learns that it shall end: Ctrl-C, a terminal that closes, or a request of the system (SIGINT,
 //! SIGHUP, SIGTERM).
 //!
-//! The first request lets the command end in order; a second one ends the program at once. What is left then
-//! is a hidden folder that the next run removes.
+//! The first request lets the command end in order; a second one, half a second later or more, ends the program at once. What
+//! is left then is a hidden folder that the next run removes. (A terminal that closes asks twice: the kernel, and its shell.)
 
 #[cfg(feature = "net")]
 use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-#[cfg(feature = "net")]
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Exit code of a program that was ended at once, as shells have it for SIGINT.
 const ENDED_AT_ONCE: i32 = 130;
+
+/// Requests this soon after the first one are the same.
+const SAME_REQUEST: Duration = Duration::from_millis(500);
 
 /// A process tied to another program is killed this long after that one ended.
 #[cfg(feature = "net")]
@@ -34,9 +36,15 @@ impl StopFlag {
     pub(super) fn listen_with(ask: impl Fn() + Send + 'static) -> StopFlag {
         let stop = StopFlag::default();
         let flag = stop.is_asked.clone();
+        let mut asked_at = None;
         // Where no handler can be set a request ends the program at once; the next run then cleans up.
         let _ = ctrlc::set_handler(move || {
+            let now = Instant::now();
+            let first = *asked_at.get_or_insert(now);
             if flag.swap(true, Ordering::Relaxed) {
+                if now.duration_since(first) < SAME_REQUEST {
+                    return;
+                }
                 super::screen::give_back_at_once();
                 std::process::exit(ENDED_AT_ONCE);
             }

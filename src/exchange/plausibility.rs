@@ -28,6 +28,8 @@ const ANY_UNTIL: u32 = 1 << 30;
 const FIRST_MAX: u32 = 1 << 31;
 /// A sender that says nothing else for this long is believed.
 const BELIEVED_AFTER: Duration = Duration::from_secs(30);
+/// Who says nothing for longer than this has not insisted. (Plans are said again every minute.)
+const INSISTS_WITHIN: Duration = Duration::from_secs(75);
 
 /// What is counted, in the order of [`Numbers`].
 const COUNTED: [&str; 4] = ["lease", "run", "revision of plans", "revision of orders"];
@@ -52,8 +54,9 @@ struct Highest {
 #[derive(Clone, Debug, Default)]
 pub struct Plausibility {
     highest: [Highest; 4],
-    /// Since when a sender says nothing else in messages of a kind; bounded, since names are numbers under 256.
-    leaping: BTreeMap<(Sender, MessageKind), Time>,
+    /// Since when a sender says nothing else in messages of a kind, and when it did last; bounded, since names are numbers under
+    /// 256.
+    leaping: BTreeMap<(Sender, MessageKind), (Time, Time)>,
 }
 
 impl Plausibility {
@@ -77,8 +80,13 @@ impl Plausibility {
             return Ok(());
         }
         if let Some(refusal) = self.leap(now, numbers) {
-            let since = *self.leaping.entry((sender, kind)).or_insert(now);
-            if now.since(since) < BELIEVED_AFTER {
+            let (since, last) = self.leaping.entry((sender, kind)).or_insert((now, now));
+            // Who insists says it again and again; two frames far apart do not.
+            if now.since(*last) > INSISTS_WITHIN {
+                *since = now;
+            }
+            *last = now;
+            if now.since(*since) < BELIEVED_AFTER {
                 return Err(refusal);
             }
         }
@@ -289,6 +297,28 @@ mod tests {
             is_heard(&mut known, 32.0, ONE, 90_001, 1),
             "others count on from there"
         );
+    }
+
+    #[test]
+    fn single_frames_far_apart_are_not_believed() {
+        let mut known = Plausibility::default();
+        assert!(is_heard(&mut known, 0.0, ONE, 5, 1));
+        for hour in 0..5 {
+            let at_s = 3600.0 * f64::from(hour);
+            assert!(
+                !is_heard(&mut known, at_s + 1.0, TWO, 90_000, 1),
+                "{hour} h"
+            );
+        }
+        // Plans are said every minute.
+        for minute in 0..2 {
+            let at_s = 20_000.0 + 60.0 * f64::from(minute);
+            assert_eq!(
+                is_heard(&mut known, at_s, TWO, 90_000, 1),
+                minute > 0,
+                "{minute}"
+            );
+        }
     }
 
     #[test]

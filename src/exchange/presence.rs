@@ -135,10 +135,13 @@ impl Presence {
 /// open ones are heard, lifted ones are not.
 fn of_stranger(message: Message) -> Option<Message> {
     match message {
-        Message::Standing(OpenStops { open, lifted: _ }) => Some(Message::Standing(OpenStops {
-            open,
-            lifted: Vec::new(),
-        })),
+        Message::Standing(OpenStops { open, lifted: _ }) => {
+            // Who says that none is open says nothing, not even that somebody of the swarm is there.
+            (!open.is_empty()).then_some(Message::Standing(OpenStops {
+                open,
+                lifted: Vec::new(),
+            }))
+        }
         Message::Hello(_)
         | Message::State(_)
         | Message::Tile(_)

@@ -56,9 +56,10 @@ impl<'a> RosterWatch<'a> {
         if content == self.last {
             return;
         }
-        self.last = content;
         match self.access() {
             Ok(access) => {
+                // What could not be taken over is tried again.
+                self.last = content;
                 troubles.clear("roster");
                 member.allow(access);
             }

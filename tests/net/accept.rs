@@ -165,6 +165,32 @@ fn a_newer_folder_replaces_the_former_which_is_kept_and_an_edited_configuration_
 }
 
 #[test]
+fn a_configuration_behind_a_link_stays_and_one_that_names_a_file_in_a_folder_is_refused() {
+    let machine = Machine::new();
+    machine.accepts("swarm/vehicle-1");
+    let (node, real) = (machine.path("etc/node"), machine.path("etc/mine.toml"));
+    let config = node.join("vehicle.toml");
+    fs::rename(&config, &real).unwrap();
+    replace(&real, "egress_kb_per_s = 64.0", "egress_kb_per_s = 100.0");
+    std::os::unix::fs::symlink(&real, &config).unwrap();
+    machine.enroll("vehicle 1 --replace");
+    assert!(
+        machine
+            .accepts("swarm/vehicle-1")
+            .contains("was edited here")
+    );
+    let text = fs::read_to_string(&config).unwrap();
+    assert!(text.contains("egress_kb_per_s = 100.0"), "{text}");
+    // What lies in a folder inside is not carried over.
+    fs::create_dir(node.join("missions")).unwrap();
+    fs::write(node.join("missions/yard.waypoints"), "QGC WPL 110\n").unwrap();
+    let mission = "\n[mission]\nkind = \"waypoints\"\nfile = \"missions/yard.waypoints\"\n";
+    fs::write(&config, text + mission).unwrap();
+    machine.enroll("vehicle 1 --replace");
+    machine.refuses("swarm/vehicle-1", "is in a folder inside the node's");
+}
+
+#[test]
 fn a_roster_alone_is_taken_over_unless_it_is_older_or_ends_this_node() {
     let machine = Machine::new();
     machine.refuses("swarm/roster.txt", "there is no node");

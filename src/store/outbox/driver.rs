@@ -238,16 +238,27 @@ impl Writer {
                     .for_each(|dropped| (self.tell)(Event::Dropped(dropped)));
             }
             Err(error) => {
-                // A file that went bad under way is opened, and moved aside, anew.
-                if matches!(
-                    error,
-                    StoreError::Damaged { .. } | StoreError::NoStore { .. }
-                ) {
-                    self.file = None;
-                }
-                self.trouble(&error);
+                self.failed(&error);
             }
         }
+    }
+
+    /// Notes that the file could be used; samples that still wait in memory are another matter.
+    fn worked(&mut self) {
+        if self.memory.is_empty() {
+            lock(&self.health).trouble = None;
+        }
+    }
+
+    /// Notes that the file could not be used; one that went bad under way is opened, and moved aside, anew.
+    fn failed(&mut self, error: &StoreError) {
+        if matches!(
+            error,
+            StoreError::Damaged { .. } | StoreError::NoStore { .. }
+        ) {
+            self.file = None;
+        }
+        self.trouble(error);
     }
 
     fn trouble(&mut self, error: &StoreError) {
@@ -272,8 +283,9 @@ impl Writer {
         self.memory
             .retain(|place, _| (place.boot, place.run) != (boot, run) || place.sequence >= below);
         let Some(file) = &mut self.file else { return };
-        if let Err(error) = file.forget(boot, run, below) {
-            self.trouble(&error);
+        match file.forget(boot, run, below) {
+            Ok(_) => self.worked(),
+            Err(error) => self.failed(&error),
         }
     }
 
@@ -286,8 +298,9 @@ impl Writer {
         let Some(file) = &self.file else { return };
         let on_disk = match file.after(after, CHUNK) {
             Ok(samples) => samples,
-            Err(error) => return self.trouble(&error),
+            Err(error) => return self.failed(&error),
         };
+        self.worked();
         let mut all: BTreeMap<SampleKey, Sample> = on_disk
             .into_iter()
             .map(|(boot, run, sample)| {

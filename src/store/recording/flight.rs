@@ -87,6 +87,11 @@ impl OpenRecording {
         }
     }
 
+    /// Gives no segment a number up to this one: who records has sent what begins such a segment, and sends it once.
+    pub fn after(self, last: u64) -> OpenRecording {
+        OpenRecording { last, ..self }
+    }
+
     /// Returns what all segments take together, bytes, as of the last [`OpenRecording::flush`] or beginning.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes

@@ -111,6 +111,7 @@ impl Recorder {
             about,
             limits,
             flight: None,
+            given: NONE,
             now: Time::ZERO,
             shared: shared.clone(),
         };
@@ -238,6 +239,8 @@ struct Writing {
     about: RecordingSubject,
     limits: RecordingLimits,
     flight: Option<OpenRecording>,
+    /// The highest number that a segment was given, also of one that was dropped since.
+    given: u64,
     /// The latest moment that was handed in.
     now: Time,
     shared: Arc<Shared>,
@@ -285,11 +288,13 @@ impl Writing {
 
     /// Opens the first segment; returns when to try again when that fails.
     fn begin(&mut self) -> Option<Instant> {
-        let mut flight = OpenRecording::new(&self.folder, self.about.clone(), self.limits);
+        let mut flight =
+            OpenRecording::new(&self.folder, self.about.clone(), self.limits).after(self.given);
         match flight.begin(self.now, None) {
             Ok(number) => {
                 self.shared.set_use(&flight);
                 self.flight = Some(flight);
+                self.given = number;
                 self.shared.is_overrun.store(false, Ordering::Release);
                 self.shared.segment.store(number, Ordering::Release);
                 self.shared.set_trouble(None);
@@ -331,6 +336,7 @@ impl Writing {
         if is_full || is_overrun {
             let gap = is_overrun.then_some("more came than could be written");
             let number = flight.begin(self.now, gap)?;
+            self.given = number;
             self.shared.segment.store(number, Ordering::Release);
         }
         Ok(())
@@ -459,6 +465,15 @@ mod tests {
         let recorder = Recorder::start(path, about(), RecordingLimits::default());
         assert!(recorder.trouble().unwrap().contains("cannot be written"));
         assert!(!recorder.scribe().prepare(Time::ZERO, "radio", &7_u32));
+    }
+
+    #[test]
+    fn no_segment_has_the_number_of_one_that_was_begun_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let flight = OpenRecording::new(folder.path(), about(), RecordingLimits::default());
+        assert_eq!(flight.after(3).begin(Time::ZERO, None).unwrap(), 4);
+        let flight = OpenRecording::new(folder.path(), about(), RecordingLimits::default());
+        assert_eq!(flight.after(NONE).begin(Time::ZERO, None).unwrap(), 5);
     }
 
     #[test]
