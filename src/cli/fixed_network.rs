@@ -170,13 +170,17 @@ impl NodePlaces {
             wrong(at(), format!("receiver {}", fields[0]), expected)
         })?;
         let strength = |(transmitter, field): (usize, &&str)| {
+            // Its own column holds whatever the recorder put there.
+            if transmitter == receiver {
+                return Ok(None);
+            }
             let value = field.parse::<f64>().ok();
             let is_believed = |dbm: &f64| (STRENGTH_DBM.0..=STRENGTH_DBM.1).contains(dbm);
             let value = value.filter(is_believed).ok_or_else(|| {
                 let found = format!("{field} for node {transmitter}");
                 wrong(at(), found, "a strength from -200 to 40 dBm")
             })?;
-            Ok((transmitter != receiver).then_some(value))
+            Ok(Some(value))
         };
         let heard = fields[1..=nodes].iter().enumerate().map(strength);
         let clock = |index: usize, most: f64, word: &str| {
@@ -209,9 +213,11 @@ impl Clock {
     /// Returns the seconds since the first call.
     fn count(&mut self, second_of_day: f64) -> f64 {
         let first = *self.first.get_or_insert(second_of_day);
-        // Half a day back is a day on; a little back is a clock that was set.
+        // Half a day back is a day on, and half a day on a line from before midnight; a little back is a clock that was set.
         if second_of_day < self.last - DAY_S / 2.0 {
             self.days += 1.0;
+        } else if second_of_day > self.last + DAY_S / 2.0 && self.days > 0.0 {
+            self.days -= 1.0;
         }
         self.last = second_of_day;
         (second_of_day + self.days * DAY_S - first).max(0.0)
@@ -340,5 +346,30 @@ mod tests {
             "0, -45, -50, -60, 24, 29, 58\n",
             "1: found hour 24, expected hour from 0 to under 24",
         );
+    }
+
+    #[test]
+    fn the_column_of_the_receiver_itself_is_passed_over_whatever_it_holds() {
+        for own in ["127", "", "nan", "-45"] {
+            let text = format!("0, {own}, -50, -60, 11, 29, 58\n");
+            let rounds = nodes().read_rounds(&text).unwrap();
+            assert_eq!(
+                rounds[0].rssi_dbm,
+                [None, Some(-50.0), Some(-60.0)],
+                "{own}"
+            );
+        }
+        let text = "0, -45, 127, -60, 11, 29, 58\n";
+        let said = nodes().read_rounds(text).unwrap_err().to_string();
+        assert!(said.contains("found 127 for node 1"), "{said}");
+    }
+
+    #[test]
+    fn lines_out_of_order_around_midnight_count_no_day_twice() {
+        let times = [(23, 59, 59), (0, 0, 0), (23, 59, 59), (0, 0, 1)];
+        let line = |(h, m, s): (u32, u32, u32)| format!("0, -45, -50, -60, {h}, {m}, {s}\n");
+        let text: String = times.into_iter().map(line).collect();
+        let rounds = nodes().read_rounds(&text).unwrap();
+        assert!(rounds.iter().all(|round| round.at_s < 3.0), "{rounds:?}");
     }
 }

@@ -8,10 +8,13 @@ use crate::config::{Imaging, LinksFile};
 use crate::geom::{PixelGrid, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
-use crate::tomo::{FindSettings, ImagingSettings, Link};
+use crate::tomo::{BIN_M, FindSettings, ImagingSettings, Link};
 
 /// Two areas have one shape when the ratios of their sides differ by less than this share.
 const SAME_SHAPE: f64 = 0.01;
+
+/// Vehicles drive around nothing smaller, metres.
+const SMALLEST_DRIVEN_M: f64 = 5.0;
 
 impl ImageCommand {
     /// Returns how the image of a recording is made, whose links and those of the empty sweep are given.
@@ -60,20 +63,28 @@ impl ImageCommand {
     }
 
     fn as_usual(&self, ring: Rect, recording: &Recording) -> ImagingSettings {
-        let area = self.area.or(recording.area).unwrap_or(ring);
+        // What is measured, and how, does not change with what is imaged of it.
+        let whole = recording.area.unwrap_or(ring);
         let usual = match self.subject() {
-            Subject::Structure => ImagingSettings::for_area(area),
-            Subject::Change => ImagingSettings::for_change(area),
+            Subject::Structure => ImagingSettings::for_area(whole),
+            Subject::Change => ImagingSettings::for_change(whole),
         };
         let finds = match recording.unit {
             LengthUnit::Metre => FindSettings::IN_METRES,
-            LengthUnit::Cell => FindSettings::in_cells(area, self.cell.unwrap_or(CELL_M)),
+            LengthUnit::Cell => FindSettings::in_cells(whole, self.cell.unwrap_or(CELL_M)),
         };
         let mut settings = ImagingSettings {
             ring,
             finds,
             ..usual
         };
+        if let (LengthUnit::Metre, None) = (recording.unit, &self.nodes) {
+            settings.pairing_m = usual_bin_m(whole);
+        }
+        if let Some(area) = self.area {
+            let imaged = ImagingSettings::for_area(area);
+            (settings.grid, settings.peaks) = (imaged.grid, imaged.peaks);
+        }
         let solver = match self.why {
             Some(_) => SolverName::Map,
             None => SolverName::Auto,
@@ -89,6 +100,13 @@ impl ImageCommand {
             false => Subject::Change,
         }
     }
+}
+
+/// Returns the bins of links whose ends were driven, metres: those of the ground station, and smaller ones around an area that is
+/// too small for a vehicle.
+fn usual_bin_m(area: Rect) -> f64 {
+    let extent_m = area.width_m().max(area.height_m());
+    BIN_M * (extent_m / SMALLEST_DRIVEN_M).min(1.0)
 }
 
 /// Returns the pixels of another area than was recorded: as many where it has the same shape, else as many along the longer side,
@@ -247,5 +265,24 @@ mod tests {
             (told.grid.columns, told.grid.rows, told.peaks.limit),
             (7, 9, 2)
         );
+    }
+
+    #[test]
+    fn of_a_recording_without_settings_another_area_changes_the_pixels_alone_too() {
+        let whole = settings(&["--empty", "e.csv"], None);
+        let part = settings(&["--empty", "e.csv", "--area", "5,5,15,10"], None);
+        assert_eq!((part.grid.columns, part.grid.rows), (40, 20));
+        let (grid, peaks) = (whole.grid, whole.peaks);
+        assert_eq!(
+            ImagingSettings {
+                grid,
+                peaks,
+                ..part
+            },
+            whole
+        );
+        assert_eq!(whole.pairing_m, BIN_M);
+        let bin_m = |side_m: f64| usual_bin_m(Rect::new(Point::default(), Point::new(side_m, 1.0)));
+        assert_eq!([60.0, 6.0, 2.5].map(bin_m), [BIN_M, BIN_M, BIN_M / 2.0]);
     }
 }

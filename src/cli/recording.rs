@@ -146,15 +146,32 @@ impl Recording {
 
     /// Returns the bins of its links; `None` when they are pooled in such already.
     fn bins(&self, bin_m: f64) -> Option<LinkBins> {
-        if self.pooled_in_m == Some(bin_m) || bin_m <= 0.0 {
+        // A line that comes again is no link of its own.
+        let is_pooled = self.pooled_in_m == Some(bin_m) && !self.has_repeated_places();
+        if is_pooled || bin_m <= 0.0 {
             return None;
         }
-        let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
+        let spot_m = match self.unit {
+            LengthUnit::Metre => SPOT_M,
+            LengthUnit::Cell => SPOT_M.min(bin_m / 8.0),
+        };
+        let mut bins = LinkBins::new(bin_m, spot_m);
         let devices = self.devices.iter().copied().chain(iter::repeat(None));
         for (link, devices) in self.links.iter().zip(devices) {
             bins.record_link(devices, link);
         }
         Some(bins)
+    }
+
+    /// Returns whether two links have the same ends.
+    fn has_repeated_places(&self) -> bool {
+        let bits = |at: Point| (at.x_m.to_bits(), at.y_m.to_bits());
+        let ends = |link: &Link| {
+            let (from, to) = (bits(link.from), bits(link.to));
+            (from.min(to), from.max(to))
+        };
+        let different: BTreeSet<_> = self.links.iter().map(ends).collect();
+        different.len() < self.links.len()
     }
 }
 
@@ -234,15 +251,23 @@ pub(super) fn comments(imaging: Option<&LinksFile>) -> String {
 
 /// Reads how links are to be imaged from the comments that a file begins with; `None` when they say nothing of it.
 fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
-    let comments: Vec<&str> = text
-        .lines()
-        .map_while(|line| line.strip_prefix(COMMENT))
-        .collect();
-    let toml: String = comments
+    let blank_or_comment = |line: &'_ str| match line.trim().is_empty() {
+        true => Some(String::new()),
+        false => line.strip_prefix(COMMENT).map(str::to_owned),
+    };
+    let comments: Vec<String> = text.lines().map_while(blank_or_comment).collect();
+    let uncommented = comments
         .iter()
-        .map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(line)))
+        .map(|line| line.strip_prefix(' ').unwrap_or(line));
+    // Notes of others may stand before; their lines are counted.
+    let mut has_begun = false;
+    let toml: String = uncommented
+        .map(|line| {
+            has_begun = has_begun || LinksFile::begins(line);
+            format!("{}\n", if has_begun { line } else { "" })
+        })
         .collect();
-    if !LinksFile::begins(&toml) {
+    if !has_begun {
         return Ok(None);
     }
     LinksFile::read("", &toml).map(Some).map_err(|problems| {
@@ -300,6 +325,9 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     })
 }
 
+/// More packets of a link than this are no count: in a hundred days with one every second there are fewer.
+const MOST_RECORDS: u32 = 10_000_000;
+
 fn read_links<'a>(
     header: &CsvHeader<'_>,
     lines: impl Iterator<Item = (usize, &'a str)>,
@@ -323,6 +351,11 @@ fn read_links<'a>(
         };
         let misses = whole(misses, 0, 0, "misses")?;
         let packets = whole(packets, 1, u32::from(misses == 0), "packets")?;
+        if packets.max(misses) > MOST_RECORDS {
+            let found = format!("{packets} packets and {misses} misses");
+            let expected = format!("at most {MOST_RECORDS} of each");
+            return Err(wrong(format!("{number}: "), found, expected));
+        }
         Ok(Link {
             from: fields.place([tx_x, tx_y])?,
             to: fields.place([rx_x, rx_y])?,
@@ -539,9 +572,14 @@ impl Pair {
     fn link(&self) -> Link {
         let mean_dbm = self.sum / self.weight;
         let variance = (self.square_sum / self.weight - mean_dbm * mean_dbm).max(0.0);
+        // That of a sample tells too little of what it was drawn from.
+        let unbiased = match self.weight > 1.0 {
+            true => variance * self.weight / (self.weight - 1.0),
+            false => 0.0,
+        };
         let packets = libm::round(self.weight).max(1.0) as u32;
         Link {
-            spread_db: variance.sqrt(),
+            spread_db: unbiased.sqrt(),
             ..Link::fixed(self.from, self.to, packets, mean_dbm)
         }
     }
@@ -610,5 +648,58 @@ mod tests {
             assert!(most_db(bin_m, &samples, &written) < 1e-6);
             assert!(most_db(bin_m, &written, &samples) < 1e-6);
         }
+    }
+
+    #[test]
+    fn notes_above_the_settings_of_a_links_file_do_not_hide_them() {
+        let file = LinksFile {
+            area: Rect::new(Point::default(), Point::new(6.0, 6.0)),
+            reception: Reception::default(),
+            imaging: Imaging::default(),
+        };
+        let links = [Link::fixed(
+            Point::default(),
+            Point::new(6.0, 6.0),
+            4,
+            -60.0,
+        )];
+        let text = links_csv(&links, Some(&file));
+        let noted = format!("# measured on Tuesday\n\n#\n{text}");
+        assert_eq!(
+            read_recording(noted.as_bytes()).unwrap().imaging,
+            Some(file)
+        );
+        let wrong = noted.replace("bin_m = ", "bin_m = -");
+        let line = wrong
+            .lines()
+            .position(|line| line.contains("bin_m"))
+            .unwrap()
+            + 1;
+        let said = read_recording(wrong.as_bytes()).unwrap_err().to_string();
+        assert!(said.starts_with(&format!("{line}: ")), "{said}");
+        let none = read_recording(b"# a note\ntx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,6,6,-60\n");
+        assert_eq!(none.unwrap().imaging, None);
+    }
+
+    #[test]
+    fn lines_that_come_again_are_pooled_and_counts_beyond_all_are_refused() {
+        let head = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,packets,spread_db\n";
+        let line = "0,0,6,6,-60,4,2\n0,6,6,0,-62,4,2\n";
+        let pooled = |lines: &str| {
+            let mut recording = read_recording(format!("{head}{lines}").as_bytes()).unwrap();
+            recording.pooled_in_m = Some(0.5);
+            recording.pooled_for(None, 0.5).0
+        };
+        let (once, twice) = (pooled(line), pooled(&line.repeat(2)));
+        assert_eq!((once.len(), twice.len()), (2, 2));
+        assert_eq!((once[0].packets, twice[0].packets), (4, 8));
+        // Four values with a deviation of 2 dB, twice: 6/7 of the variance, since there are seven to tell it by, not three.
+        assert!((twice[0].spread_db - 2.0 * (6.0f64 / 7.0).sqrt()).abs() < 1e-6);
+        let many = format!("{head}0,0,6,6,-60,4294967295,0\n");
+        let said = read_recording(many.as_bytes()).unwrap_err().to_string();
+        assert!(
+            said.contains("2: ") && said.contains("at most 10000000 of each"),
+            "{said}"
+        );
     }
 }

@@ -312,8 +312,8 @@ impl Bin {
         let heard = self.heard(devices);
         heard.packets = heard.packets.saturating_add(link.packets);
         heard.sum_dbm += packets * link.mean_dbm;
-        heard.square_sum +=
-            packets * (link.mean_dbm * link.mean_dbm + link.spread_db * link.spread_db);
+        heard.square_sum += packets * link.mean_dbm * link.mean_dbm
+            + (packets - 1.0) * link.spread_db * link.spread_db;
         if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
             self.spots.push(spot);
             self.further_spots = self

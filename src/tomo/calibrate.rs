@@ -28,6 +28,8 @@ pub enum DropReason {
     NeverHeard,
     /// The empty sweep has no link near it.
     NoEmptyPartner,
+    /// There are too few links to know how strong it would be in free space.
+    NoPathLoss,
     /// Does not pass through the area.
     OutsideArea,
 }
@@ -40,6 +42,7 @@ impl DropReason {
             DropReason::SameSide => "along one side",
             DropReason::NeverHeard => "never heard",
             DropReason::NoEmptyPartner => "no partner in the empty sweep",
+            DropReason::NoPathLoss => "too few links to know the path loss",
             DropReason::OutsideArea => "outside the area",
         }
     }
@@ -129,7 +132,8 @@ fn observe(
             (partner.mean_dbm - mean_dbm - longer_db, variance_db2)
         }
         None => {
-            let free_dbm = path_loss.map_or(mean_dbm, |law| law.strength_dbm(length_m));
+            let law = path_loss.ok_or(DropReason::NoPathLoss)?;
+            let free_dbm = law.strength_dbm(length_m);
             (free_dbm - mean_dbm, single_variance(link, &settings.noise))
         }
     };
@@ -263,10 +267,11 @@ pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
 /// fit leaves open is found with the image.
 fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss> {
     const FEWEST_FREE: usize = 8;
-    let (free, rest): (Vec<Link>, Vec<Link>) = links
-        .iter()
-        .filter(|link| link.packets > 0 && link.length_m() >= 0.5 * settings.shortest_link_m)
-        .partition(|link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m));
+    let is_usable =
+        |link: &&Link| link.packets > 0 && link.length_m() >= 0.5 * settings.shortest_link_m;
+    let usable: Vec<Link> = links.iter().filter(is_usable).copied().collect();
+    let is_free = |link: &&Link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m);
+    let free: Vec<Link> = usable.iter().filter(is_free).copied().collect();
     if free.len() >= FEWEST_FREE {
         return PathLoss::fit(&free, settings.exponent);
     }
@@ -274,7 +279,7 @@ fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss>
         sd: settings.exponent.sd.min(1e-3),
         ..settings.exponent
     };
-    let law = PathLoss::fit(&rest, held)?;
+    let law = PathLoss::fit(&usable, held)?;
     let exponent_sd = settings.exponent.sd.min(1.0);
     Some(PathLoss {
         level_sd_db: law.residual_db,
@@ -539,6 +544,27 @@ mod tests {
             got.observations
                 .iter()
                 .all(|seen| (seen.attenuation_db - 15.0).abs() < 0.2)
+        );
+    }
+
+    #[test]
+    fn few_links_along_the_sides_help_to_know_the_path_loss_and_without_any_nothing_is_imaged() {
+        let along =
+            (0..7).map(|step| link(0.0, f64::from(step), 0.0, 12.0 + f64::from(step), -62.0));
+        let across = [
+            link(0.0, 5.0, 20.0, 9.0, -66.0),
+            link(0.0, 6.0, 20.0, 9.0, -86.0),
+        ];
+        let all: Vec<Link> = along.chain(across).collect();
+        let got = calibrate(&all, None, &settings());
+        assert!(got.path_loss.is_some());
+        assert_eq!(got.observations.len(), 2);
+        assert!(got.observations[1].attenuation_db - got.observations[0].attenuation_db > 19.0);
+        let got = calibrate(&across, None, &settings());
+        assert!(got.path_loss.is_none() && got.observations.is_empty());
+        assert_eq!(
+            got.dropped,
+            DroppedLinks::from([(DropReason::NoPathLoss, 2)])
         );
     }
 }

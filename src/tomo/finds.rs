@@ -173,13 +173,14 @@ pub(super) fn find_persons(
     driven: Option<Driven>,
     settings: &FindSettings,
 ) -> Option<Finds> {
-    let inner = area.shrunk(settings.rim_m);
+    let person = settings.person;
+    // Nobody stands nearer to the border than he is wide.
+    let inner = area.shrunk(settings.rim_m.max(person.radius_m));
     if observations.is_empty() || inner.width_m() <= 0.0 || inner.height_m() <= 0.0 {
         return None;
     }
     let smear_m = driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt());
     let ring = driven.map_or(area, |driven| driven.ring);
-    let person = settings.person;
     let links = observations
         .iter()
         .map(|one| person.link(one.from, one.to, ring, smear_m))

@@ -141,3 +141,18 @@ fn without_links_or_room_there_is_nothing_to_search() {
     let one = sweep(50, &[], 1);
     assert_eq!(find_persons(&one, small, None, &settings), None);
 }
+
+#[test]
+fn nobody_is_sought_in_an_area_that_is_narrower_than_a_person() {
+    let observations = sweep(100, &[Point::new(10.0, 10.0)], 3);
+    let settings = FindSettings {
+        rim_m: 0.0,
+        ..FindSettings::IN_METRES
+    };
+    let narrow = |side_m: f64| {
+        let area = Rect::new(Point::new(10.0, 10.0), Point::new(10.0 + side_m, 20.0));
+        find_persons(&observations, area, None, &settings).is_some()
+    };
+    let radius_m = settings.person.radius_m;
+    assert!(!narrow(1.9 * radius_m) && narrow(2.5 * radius_m));
+}
