@@ -81,15 +81,15 @@ impl ImageCommand {
         if let (LengthUnit::Metre, None) = (recording.unit, &self.nodes) {
             settings.pairing_m = usual_bin_m(whole);
         }
-        if let Some(area) = self.area {
-            let imaged = ImagingSettings::for_area(area);
-            (settings.grid, settings.peaks) = (imaged.grid, imaged.peaks);
-        }
         let solver = match self.why {
             Some(_) => SolverName::Map,
             None => SolverName::Auto,
         };
         self.solver.unwrap_or(solver).choose(&mut settings);
+        if let Some(area) = self.area {
+            let imaged = ImagingSettings::for_area(area);
+            (settings.grid, settings.peaks) = (imaged.grid, imaged.peaks);
+        }
         settings
     }
 

@@ -654,7 +654,10 @@ mod tests {
     fn notes_above_the_settings_of_a_links_file_do_not_hide_them() {
         let file = LinksFile {
             area: Rect::new(Point::default(), Point::new(6.0, 6.0)),
-            reception: Reception::default(),
+            reception: Reception {
+                sensitivity_dbm: -95.0,
+                ..Reception::default()
+            },
             imaging: Imaging::default(),
         };
         let links = [Link::fixed(

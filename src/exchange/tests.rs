@@ -474,16 +474,31 @@ fn what_stands_is_heard_whatever_the_venue_and_a_task_is_not() {
     swarm.run(seconds(3.0));
     let operator = swarm.join(Sender::Operator(OperatorId(7)), 9, VENUE + 1);
     swarm.run(seconds(1.0));
-    let standing = Message::Standing(OpenStops::default());
+    let stop = EmergencyStop {
+        name: EmergencyName(EmergencyName::LOWEST_DRAWN + 1),
+        scope: StopScope::All,
+        by: OperatorId(7),
+    };
+    let with_open = |open: Vec<EmergencyStop>| {
+        Message::Standing(OpenStops {
+            open,
+            lifted: Vec::new(),
+        })
+    };
+    let (nothing, standing) = (with_open(Vec::new()), with_open(vec![stop]));
     let (_, task) = examples::examples()
         .into_iter()
         .find(|(word, _)| *word == "task")
         .unwrap();
-    for message in [&standing, &task] {
+    for message in [&nothing, &standing, &task] {
         swarm.put(operator, encode(message).unwrap());
     }
     swarm.run(seconds(0.1));
-    assert_eq!(swarm.nodes[two].heard, [standing]);
+    assert_eq!(
+        swarm.nodes[two].heard,
+        [standing],
+        "that nothing stands is no news"
+    );
 }
 
 #[test]

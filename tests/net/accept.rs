@@ -182,10 +182,9 @@ fn a_configuration_behind_a_link_stays_and_one_that_names_a_file_in_a_folder_is_
     let text = fs::read_to_string(&config).unwrap();
     assert!(text.contains("egress_kb_per_s = 100.0"), "{text}");
     // What lies in a folder inside is not carried over.
-    fs::create_dir(node.join("missions")).unwrap();
-    fs::write(node.join("missions/yard.waypoints"), "QGC WPL 110\n").unwrap();
-    let mission = "\n[mission]\nkind = \"waypoints\"\nfile = \"missions/yard.waypoints\"\n";
-    fs::write(&config, text + mission).unwrap();
+    fs::create_dir(node.join("places")).unwrap();
+    fs::copy(node.join("venue.toml"), node.join("places/venue.toml")).unwrap();
+    replace(&config, "\"venue.toml\"", "\"places/venue.toml\"");
     machine.enroll("vehicle 1 --replace");
     machine.refuses("swarm/vehicle-1", "is in a folder inside the node's");
 }
