@@ -656,7 +656,6 @@ mod tests {
             area: Rect::new(Point::default(), Point::new(6.0, 6.0)),
             reception: Reception {
                 sensitivity_dbm: -95.0,
-                ..Reception::default()
             },
             imaging: Imaging::default(),
         };
