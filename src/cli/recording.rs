@@ -651,39 +651,6 @@ mod tests {
     }
 
     #[test]
-    fn notes_above_the_settings_of_a_links_file_do_not_hide_them() {
-        let file = LinksFile {
-            area: Rect::new(Point::default(), Point::new(6.0, 6.0)),
-            reception: Reception {
-                sensitivity_dbm: -95.0,
-            },
-            imaging: Imaging::default(),
-        };
-        let links = [Link::fixed(
-            Point::default(),
-            Point::new(6.0, 6.0),
-            4,
-            -60.0,
-        )];
-        let text = links_csv(&links, Some(&file));
-        let noted = format!("# measured on Tuesday\n\n#\n{text}");
-        assert_eq!(
-            read_recording(noted.as_bytes()).unwrap().imaging,
-            Some(file)
-        );
-        let wrong = noted.replace("bin_m = ", "bin_m = -");
-        let line = wrong
-            .lines()
-            .position(|line| line.contains("bin_m"))
-            .unwrap()
-            + 1;
-        let said = read_recording(wrong.as_bytes()).unwrap_err().to_string();
-        assert!(said.starts_with(&format!("{line}: ")), "{said}");
-        let none = read_recording(b"# a note\ntx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,6,6,-60\n");
-        assert_eq!(none.unwrap().imaging, None);
-    }
-
-    #[test]
     fn lines_that_come_again_are_pooled_and_counts_beyond_all_are_refused() {
         let head = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,packets,spread_db\n";
         let line = "0,0,6,6,-60,4,2\n0,6,6,0,-62,4,2\n";
