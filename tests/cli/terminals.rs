@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use super::program_runner::{ProgramOutput, ProgramRunner, output_of};
 
-const RECORDING: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n0,8,8,0,-51\n";
+const RECORDING: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n0,8,8,0,-51\n0,2,8,7,-52\n0,6,8,1,-50\n2,0,5,8,-51\n";
 
 /// One command line of each kind that answers.
 const ANSWERS: [&[&str]; 7] = [
