@@ -36,6 +36,16 @@ pub enum FlightMode {
     Land,
 }
 
+impl FlightMode {
+    /// Returns the mode in which a kind of vehicle stays where it is.
+    pub fn staying(kind: VehicleKind) -> FlightMode {
+        match kind {
+            VehicleKind::Rover => FlightMode::Hold,
+            VehicleKind::Copter => FlightMode::Loiter,
+        }
+    }
+}
+
 impl fmt::Display for FlightMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -9,8 +9,8 @@ use std::time::Duration;
 use tomoswarm_proto::{TaskKind, VehicleId};
 
 pub(in crate::config) use self::checks::{
-    check_border, check_gaps, check_task, floored, refuse_blind_speed, refuse_uncovered_radius,
-    smallest_post,
+    check_border, check_gaps, check_task, floored, padding_at_fence_m, place_off_m,
+    refuse_blind_speed, refuse_uncovered_radius, smallest_post,
 };
 use self::checks::{
     check_echoes, check_look_before_you_drive, check_margins, check_places, check_wind,

@@ -19,7 +19,8 @@ use super::range_table::RangeTable;
 use super::section::Section;
 use super::servo_driver::ServoTable;
 use super::sim::{
-    check_border, check_task, load, refuse_blind_speed, refuse_uncovered_radius, smallest_post,
+    check_border, check_task, load, padding_at_fence_m, place_off_m, refuse_blind_speed,
+    refuse_uncovered_radius, smallest_post,
 };
 use super::swarm::Swarm;
 use super::task::MissionTable;
@@ -240,7 +241,7 @@ impl VehicleFile {
             &file.venue,
             file.id,
             file.body.radius_m
-                + file.safety.padding_m.max(3.0 * file.pose.expected_sd_m)
+                + padding_at_fence_m(file.safety.padding_m, file.pose.expected_sd_m)
                 + file.flight.carried_m(),
         )?;
         let (flown, ceiling_m) = ((&file.flight, &file.body), file.venue.ceiling_m);
@@ -536,7 +537,7 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
         ..
     } = file;
     let swarm = &venue.swarm;
-    let body_m = body.radius_m + file.flight.carried_m() + 3.0 * pose.expected_sd_m;
+    let body_m = body.radius_m + file.flight.carried_m() + place_off_m(pose.expected_sd_m);
     check_task(root, file.task.as_ref(), venue, body_m);
     if let RadioDriver::Xbee(xbee) = &file.drivers.radio {
         XbeePort::check_power(root.source, file.radio.power_dbm);

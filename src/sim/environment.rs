@@ -348,7 +348,7 @@ impl Environment {
         let stopped = self.command(vehicle, &Command::Stop, out);
         if stopped.result != CommandAck::Accepted {
             // On its own way: a stored mission, or home.
-            let stays = Command::Mode(stays_in(self.world.kind()));
+            let stays = Command::Mode(FlightMode::staying(self.world.kind()));
             self.command(vehicle, &stays, out);
         }
     }
@@ -551,12 +551,4 @@ fn next_of(at: Time, step: Duration, until: Time) -> Time {
     let steps = until.since(at).as_nanos() / step.as_nanos().max(1);
     let missed = u32::try_from(steps.saturating_sub(1)).unwrap_or(u32::MAX);
     at + step + step.saturating_mul(missed)
-}
-
-/// Returns the mode in which a kind of vehicle stays where it is.
-fn stays_in(kind: VehicleKind) -> FlightMode {
-    match kind {
-        VehicleKind::Rover => FlightMode::Hold,
-        VehicleKind::Copter => FlightMode::Loiter,
-    }
 }

@@ -342,10 +342,10 @@ impl Kernel {
 
     /// Lets the judge see whether all missions have ended. While somebody is going to start anew nobody counts as dead.
     fn look_at_missions(&mut self) {
-        let is_waited_for = self.starts_left > 0;
+        let is_awaited = self.starts_left > 0;
         let are_dead = self.nodes.are_dead();
-        self.monitor
-            .look_at_missions(are_dead.map(|is_dead| is_dead && !is_waited_for));
+        let are_gone = are_dead.map(|is_dead| is_dead && !is_awaited);
+        self.monitor.look_at_missions(are_gone);
     }
 
     fn carry_out_of_ground(&mut self, mut effects: Vec<ground::Effect>) {
@@ -517,23 +517,15 @@ impl Kernel {
 
     /// Lets a fault of software begin or end.
     fn turn(&mut self, turn: SoftwareFaultEvent) {
-        match turn {
+        self.starts_left -= usize::from(turn.starts_vehicle());
+        let (SoftwareFaultEvent::Ends(node) | SoftwareFaultEvent::Starts(node)) = turn;
+        match (turn, self.nodes.place_of(node)) {
             // An operator's end is not what a file can say.
-            SoftwareFaultEvent::Ends(NodeId::Operator(_))
-            | SoftwareFaultEvent::Starts(NodeId::Operator(_)) => {}
-            SoftwareFaultEvent::Ends(node) => {
-                if let Some(place) = self.nodes.place_of(node) {
-                    self.end_node(place);
-                }
-            }
-            SoftwareFaultEvent::Starts(node) => {
-                self.starts_left -= usize::from(turn.starts_vehicle());
-                if let Some(place) = self.nodes.place_of(node) {
-                    self.start_node(place);
-                }
-                self.look_at_missions();
-            }
+            (_, None | Some(NodePlace::Operator(_))) => {}
+            (SoftwareFaultEvent::Ends(_), Some(place)) => self.end_node(place),
+            (SoftwareFaultEvent::Starts(_), Some(place)) => self.start_node(place),
         }
+        self.look_at_missions();
     }
 
     /// Ends the software of a node; without it an autopilot brakes after a while.

@@ -231,13 +231,19 @@ impl World {
     /// Returns whether something of the scene stands where a vehicle is, whether this moves or not.
     fn is_stood_upon(&self, vehicle: usize, now: Time) -> bool {
         let autopilot = &self.crafts[vehicle].autopilot;
-        let (here, low_m) = (autopilot.truth(now).at, autopilot.motion().altitude_m(now));
-        let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + self.build.height_m);
-        let spot = Segment::new(here, here);
-        let scene = &self.stage.scene;
-        scene
-            .first_contact(spot, self.build.radius_m, low_m, high_m)
-            .is_some()
+        let altitude_m = autopilot.motion().altitude_m(now);
+        self.touches_at(autopilot.truth(now).at, altitude_m, altitude_m)
+    }
+
+    /// Returns whether a body at a place touches what stands, at altitudes from one to another.
+    fn touches_at(&self, here: Point, low_m: f64, high_m: f64) -> bool {
+        let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, high_m + self.build.height_m);
+        let (spot, radius_m) = (Segment::new(here, here), self.build.radius_m);
+        let contact = self
+            .stage
+            .scene
+            .first_contact(spot, radius_m, low_m, high_m);
+        contact.is_some()
     }
 
     /// Returns how many vehicles there are.
@@ -417,12 +423,7 @@ impl World {
         let climb = autopilot.motion().climb();
         if climb.until() > now {
             let here = autopilot.truth(now).at;
-            let touches = |low_m: f64, high_m: f64| {
-                let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, high_m + height_m);
-                scene
-                    .first_contact(Segment::new(here, here), radius_m, low_m, high_m)
-                    .is_some()
-            };
+            let touches = |low_m: f64, high_m: f64| self.touches_at(here, low_m, high_m);
             return climb_contact(climb, now, &touches);
         }
         let altitude_m = autopilot.motion().altitude_m(now);

@@ -217,7 +217,8 @@ pub(super) fn check_places(root: &Section, sim: &Sim) {
         }
     }
     let vehicles = &sim.vehicles;
-    let body_m = vehicles.body.radius_m + vehicles.flight.carried_m() + place_off_m(sim);
+    let body_m =
+        vehicles.body.radius_m + vehicles.flight.carried_m() + place_off_m(vehicles.pose_sd_m);
     check_task(root, sim.task.as_ref(), &sim.venue, body_m);
     if sim.mission.is_of_one() && sim.vehicles.count != 1 {
         let allowed = "count = 1 is needed for a mission that one autopilot carries out";
@@ -250,16 +251,20 @@ pub(super) fn check_places(root: &Section, sim: &Sim) {
     }
 }
 
-/// Returns how far from the fence the middle of a vehicle is meant to be at least, metres: its radius, and its padding, or what its
-/// place may be off if that is more. Wind is not counted.
 fn room_at_fence_m(sim: &Sim) -> f64 {
     let vehicles = &sim.vehicles;
-    vehicles.body.radius_m + sim.safety.padding_m.max(place_off_m(sim))
+    vehicles.body.radius_m + padding_at_fence_m(sim.safety.padding_m, vehicles.pose_sd_m)
 }
 
-/// Returns by how much a place may be off at most, metres: three deviations.
-fn place_off_m(sim: &Sim) -> f64 {
-    3.0 * sim.vehicles.pose_sd_m
+/// Returns the room that a body is meant to have at the fence, metres: its padding, or what its place may be off if that is more.
+/// Wind is not counted.
+pub(in crate::config) fn padding_at_fence_m(padding_m: f64, pose_sd_m: f64) -> f64 {
+    padding_m.max(place_off_m(pose_sd_m))
+}
+
+/// Returns by how much a place of this deviation may be off at most, metres: three deviations.
+pub(in crate::config) fn place_off_m(pose_sd_m: f64) -> f64 {
+    3.0 * pose_sd_m
 }
 
 fn check_homes(root: &Section, sim: &Sim) {

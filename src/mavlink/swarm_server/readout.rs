@@ -101,10 +101,7 @@ pub(super) fn is_under_way(state: &State, mission: Option<&MissionProgress>) -> 
 
 /// The mode that says best what it does: what moves by an order is in AUTO or RTL, what stands by one in HOLD.
 fn mode(kind: VehicleKind, state: &State, mission: Option<&MissionProgress>) -> FlightMode {
-    let at_rest = match kind {
-        VehicleKind::Rover => FlightMode::Hold,
-        VehicleKind::Copter => FlightMode::Loiter,
-    };
+    let at_rest = FlightMode::staying(kind);
     let lands = state.mode == VehicleMode::Landing || state.ordered.kind == Some(OrderKind::Land);
     let returns = state.ordered.kind == Some(OrderKind::Return)
         || mission.is_some_and(|mission| mission.phase == MissionPhase::Returning);

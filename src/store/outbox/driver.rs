@@ -232,14 +232,12 @@ impl Writer {
         match file.append(&samples) {
             Ok(dropped) => {
                 self.memory.clear();
-                lock(&self.health).trouble = None;
+                self.worked();
                 dropped
                     .into_iter()
                     .for_each(|dropped| (self.tell)(Event::Dropped(dropped)));
             }
-            Err(error) => {
-                self.failed(&error);
-            }
+            Err(error) => self.failed(&error),
         }
     }
 
