@@ -1,5 +1,6 @@
 // What makes vehicles move: buttons that are held for a second, the seat, and how orders fared.
 
+import { CutMotors } from "./cut.js";
 import { post, say } from "./stop.js";
 
 const HELD_MS = 1000;
@@ -13,6 +14,7 @@ export class Orders {
     this.isConnected = () => false;
     for (const order of ["start", "return", "land"]) this.heldButton(order, () => this.give(order));
     this.heldButton("take-seat", () => this.takeSeat());
+    this.cut = new CutMotors(this);
     addEventListener("selected", () => this.showTargets());
     setInterval(() => {
       if (this.hasSeat() && !document.hidden && this.isConnected()) post({ order: "seat" });
@@ -25,14 +27,14 @@ export class Orders {
     return page !== undefined && this.model.isPresent() && this.model.orders.seat === page;
   }
 
-  /** A button that acts when it was held for a second, by pointer or by Enter. */
-  heldButton(id, act) {
+  /** A button that acts when it was held long enough, by pointer or by Enter. */
+  heldButton(id, act, held_ms = HELD_MS) {
     const button = document.getElementById(id);
     let timer = null;
     const begin = () => {
       if (timer !== null || button.disabled) return;
       button.classList.add("filling");
-      timer = setTimeout(() => { end(); act(); }, HELD_MS);
+      timer = setTimeout(() => { end(); act(); }, held_ms);
     };
     const end = () => {
       clearTimeout(timer);
@@ -77,6 +79,7 @@ export class Orders {
     const begin = document.getElementById("begin-mission");
     begin.textContent = `Begin with ${whom}: hold for a second`;
     begin.disabled = !this.hasSeat();
+    this.cut.show();
     document.getElementById("hold").textContent = `Hold ${ids.length ? ids.join(", ") : "all"} (H)`;
   }
 

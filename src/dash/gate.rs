@@ -260,6 +260,7 @@ impl Gate {
             | OrderWord::Start
             | OrderWord::Return
             | OrderWord::Land
+            | OrderWord::CutMotors
             | OrderWord::Seat => &mut self.orders,
         };
         if !limit.take(now) {
@@ -464,7 +465,8 @@ mod tests {
     #[test]
     fn what_moves_needs_the_seat_and_what_stops_does_not() {
         let mut gate = gate();
-        for order in [OrderWord::Start, OrderWord::Return, OrderWord::Land] {
+        let moving = [OrderWord::Start, OrderWord::Return, OrderWord::Land];
+        for order in moving.into_iter().chain([OrderWord::CutMotors]) {
             assert_eq!(
                 gate.judge_order(at(0.0), &request(order, 1)),
                 Err(GateRefusal::NoSeat)

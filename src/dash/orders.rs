@@ -58,7 +58,7 @@ pub struct MissionOrder {
 
 /// What can be asked for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum OrderWord {
     /// The emergency stop.
     Stop,
@@ -70,6 +70,8 @@ pub enum OrderWord {
     Return,
     /// Come down.
     Land,
+    /// Cut the motors, whatever falls.
+    CutMotors,
     /// Nothing of vehicles: the seat.
     Seat,
 }
@@ -83,6 +85,7 @@ impl OrderWord {
             OrderWord::Start => "start",
             OrderWord::Return => "return",
             OrderWord::Land => "land",
+            OrderWord::CutMotors => "cut-motors",
             OrderWord::Seat => "seat",
         }
     }
@@ -91,7 +94,7 @@ impl OrderWord {
     pub fn moves(self) -> bool {
         match self {
             OrderWord::Stop | OrderWord::Hold | OrderWord::Seat => false,
-            OrderWord::Start | OrderWord::Return | OrderWord::Land => true,
+            OrderWord::Start | OrderWord::Return | OrderWord::Land | OrderWord::CutMotors => true,
         }
     }
 }
@@ -100,14 +103,18 @@ impl OrderRequest {
     /// Reads what a page has posted.
     ///
     /// # Errors
-    /// It is no request; in words.
+    /// It is no request, or cuts the motors of nobody by number; in words.
     pub fn read(body: &[u8]) -> Result<OrderRequest, String> {
         let request: OrderRequest =
             serde_json::from_slice(body).map_err(|error| format!("not an order: {error}"))?;
-        match request.vehicles.iter().find(|id| !(1..=250).contains(*id)) {
-            Some(id) => Err(format!("not an order: vehicle {id} is none of 1 to 250")),
-            None => Ok(request),
+        if let Some(id) = request.vehicles.iter().find(|id| !(1..=250).contains(*id)) {
+            return Err(format!("not an order: vehicle {id} is none of 1 to 250"));
         }
+        // Whose motors are cut is said by number: nobody falls because nothing was selected.
+        if request.order == OrderWord::CutMotors && request.vehicles.is_empty() {
+            return Err("cut-motors expects the vehicles by number: it is never for all".to_owned());
+        }
+        Ok(request)
     }
 
     /// Returns the vehicles that it is for; empty = all.
@@ -200,6 +207,7 @@ impl OrderRequest {
             OrderWord::Start => OrderKind::Start,
             OrderWord::Return => OrderKind::Return,
             OrderWord::Land => OrderKind::Land,
+            OrderWord::CutMotors => OrderKind::CutMotors,
         };
         let goal = OrderGoal {
             begins: kind == OrderKind::Start,
@@ -256,6 +264,10 @@ mod tests {
             (r#"{"order":"jump","page":1}"#, "unknown variant `jump`"),
             (r#"{"order":"stop"}"#, "missing field `page`"),
             (r#"{"order":"hold","page":1,"vehicles":[0]}"#, "vehicle 0"),
+            (
+                r#"{"order":"cut-motors","page":1}"#,
+                "expects the vehicles by number",
+            ),
             (
                 r#"{"order":"hold","page":1,"speed":9}"#,
                 "unknown field `speed`",

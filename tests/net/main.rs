@@ -34,6 +34,8 @@ mod page_3d;
 #[cfg(feature = "dash")]
 mod page_begin;
 #[cfg(feature = "dash")]
+mod page_cut;
+#[cfg(feature = "dash")]
 mod page_export;
 #[cfg(feature = "dash")]
 mod page_hands;

@@ -22,12 +22,13 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILE_COUNT: usize = 35;
+const FILE_COUNT: usize = 36;
 const FILES: [PageFile; FILE_COUNT] = [
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
     file("begin.js", include_bytes!("../../../web/begin.js")),
     file("cell.js", include_bytes!("../../../web/cell.js")),
+    file("cut.js", include_bytes!("../../../web/cut.js")),
     file("decode.js", include_bytes!("../../../web/decode.js")),
     file("draw.js", include_bytes!("../../../web/draw.js")),
     file("feed.js", include_bytes!("../../../web/feed.js")),
