@@ -21,6 +21,7 @@ pub mod given;
 pub mod heard_files;
 pub mod history;
 pub mod links;
+pub mod look_view;
 pub mod marks;
 pub mod metrics;
 pub mod newest_image;

@@ -101,7 +101,10 @@ impl Wiring for VehicleWiring {
                 name: "sensor",
                 restart: RestartPolicy::Restart,
                 acting: ActingTime::Short,
-                make: |settings| Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m),
+                make: |settings| {
+                    let (look, swarm) = (settings.look.clone(), &settings.swarm);
+                    Sensor::new(settings.vehicle, look, swarm.pose_sd_max_m)
+                },
                 output: Output::Sensor,
             }),
             map: fill.actor(Wire {

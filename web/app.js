@@ -105,7 +105,13 @@ function draw() {
   changed.clear();
   [needsScene, needsImage, needsPanel] = [false, false, false];
   showHead();
+  rideAlong();
   feed.drawn();
+}
+
+/** What the range sensors hear is asked for while somebody looks. */
+function rideAlong() {
+  feed.ride(view.current === "ride" && !document.hidden ? view.riding : null);
 }
 
 /** Of the views that are made of texts only the one that is seen. */
@@ -184,7 +190,10 @@ setInterval(() => {
   if (tabs.current === "radio" && model.pairs.size > 0) wantPanel();
 }, AGES_EVERY_MS);
 
-document.addEventListener("visibilitychange", () => { seenSince_ms = performance.now(); });
+document.addEventListener("visibilitychange", () => {
+  seenSince_ms = performance.now();
+  rideAlong();
+});
 
 const keys = document.getElementById("keys");
 document.getElementById("help").addEventListener("click", () => keys.showModal());

@@ -18,6 +18,8 @@ export class Feed {
     this.why = "";
     this.isOpen = false;
     this.isOver = false;
+    /** The vehicle that is ridden with; null = none. */
+    this.ridden = null;
     this.heard_ms = 0;
     this.connect();
     setInterval(() => this.look(), LOOKS_EVERY_MS);
@@ -31,6 +33,7 @@ export class Feed {
     socket.onopen = () => {
       this.isOpen = true;
       socket.send(JSON.stringify({ token: this.token }));
+      if (this.ridden !== null) this.send({ ride: this.ridden });
       this.changed();
     };
     socket.onmessage = (event) => {
@@ -67,6 +70,13 @@ export class Feed {
   /** Says something to the server, if there is a connection. */
   send(words) {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(words));
+  }
+
+  /** Asks for what the range sensors of a vehicle hear, as long as it is ridden with. */
+  ride(vehicle) {
+    if (this.ridden === vehicle) return;
+    this.ridden = vehicle;
+    this.send({ ride: vehicle ?? 0 });
   }
 
   /** Gives credit for what was drawn. */

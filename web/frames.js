@@ -19,6 +19,7 @@ export const KIND = {
   Markers: 14,
   Track: 15,
   Marks: 16,
+  Look: 17,
 };
 
 export const STATE = [

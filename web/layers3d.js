@@ -18,6 +18,8 @@ const WALLS_EVERY_MS = 1000;
 const WALLS_MOST = 60000;
 /** A vehicle is drawn this much larger for each metre of distance, so that it is seen. */
 const LARGER_PER_M = 0.06;
+/** What was heard longer ago is not shown. */
+const LOOK_LASTS_MS = 2000;
 const TRUTH = 0xa03cc8;
 const FIND = 0x0a7a3a;
 /**
@@ -297,6 +299,12 @@ export class Layers {
     });
   }
 
+  /** What the sensors of a vehicle heard, unless that is long ago. */
+  lookOf(id, now_ms) {
+    const look = this.model.looks.get(id);
+    return look && now_ms - look.at_ms < LOOK_LASTS_MS ? look : null;
+  }
+
   showVehicles(now_ms, riding, camera) {
     for (const [name, group] of this.groups) if (name.startsWith("vehicle ")) group.visible = false;
     for (const state of this.model.states.values()) {
@@ -304,10 +312,11 @@ export class Layers {
       const isSilent = this.model.isSilent(state.id, now_ms);
       const isRidden = state.id === riding;
       const colour = isSilent ? [138, 138, 138] : this.model.colourOf(state.id);
-      // Only the cones of a ride follow the map.
-      const version = isRidden ? this.plane.map.version : "";
+      const look = isRidden ? this.lookOf(state.id, now_ms) : null;
+      // Only the cones of a ride follow what is heard, or the map.
+      const version = look ? look.at_ms : isRidden ? this.plane.map.version : "";
       const key = [state.x, state.y, state.z, state.heading, state.sd, state.standsUnder, colour, isRidden, version].join();
-      const of = { state, colour, isRidden, sensors: this.model.place.sensors, cellWord: (x, y) => this.plane.cellWord(x, y) };
+      const of = { state, colour, isRidden, look, sensors: this.model.place.sensors, cellWord: (x, y) => this.plane.cellWord(x, y) };
       this.layer(`vehicle ${state.id}`, true, key, () => vehicleParts(of));
       const [shape] = this.groups.get(`vehicle ${state.id}`).children;
       const scale = isRidden ? 1 : Math.max(1, camera.position.distanceTo(shape.position) * LARGER_PER_M);

@@ -39,6 +39,7 @@ export class Model {
     this.states = new Map();
     this.vehicles = new Map();
     this.plans = new Map();
+    this.looks = new Map();
     this.tracks = new Map();
     this.tiles = new Map();
     this.images = new Map();
@@ -218,6 +219,7 @@ export class Model {
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;
       case KIND.Plan: this.plans.set(value.id, value); break;
       case KIND.Track: this.takeTrack(value); break;
+      case KIND.Look: this.looks.set(value.id, { ...value, at_ms: now_ms }); break;
       case KIND.Finds: this.finds.set(value.subject, value); break;
       case KIND.Marks: this.marks = value; break;
       case KIND.Timetable: this.timetable = value; break;

@@ -4,9 +4,10 @@
 use crate::{
     AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, FIX_AGE_MAX_MS,
     Find, Fix, GroundReport, Have, Heading, Health, Hello, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS,
-    IMAGE_SIDE_MAX, Image, LostSamples, Mark, Message, MissionEnd, MissionKind, MissionProgress,
-    OpenStops, Order, OrderKind, Permille, Plan, PoseReport, Position, Progress, RunReport, Sample,
-    Samples, State, Stop, Task, Tilt, VehicleId, Velocity,
+    IMAGE_SIDE_MAX, Image, LOOK_READINGS_MAX, Look, LookReading, LostSamples, Mark, Message,
+    MissionEnd, MissionKind, MissionProgress, OpenStops, Order, OrderKind, Permille, Plan,
+    PoseReport, Position, Progress, READING_AGE_MAX_MS, RunReport, Sample, Samples, State, Stop,
+    Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -77,6 +78,7 @@ impl Message {
             Message::Image(image) => image.check(),
             Message::Fix(fix) => fix.check(),
             Message::Mark(mark) => mark.check(),
+            Message::Look(look) => look.check(),
         }
     }
 }
@@ -163,6 +165,28 @@ impl Fix {
         require(
             self.age_ms <= FIX_AGE_MAX_MS,
             "a fix is at most two seconds old",
+        )
+    }
+}
+
+impl Look {
+    fn check(&self) -> CheckResult {
+        require(
+            self.readings.len() <= LOOK_READINGS_MAX,
+            "a look has at most 16 readings",
+        )?;
+        self.half_angle.check()?;
+        self.readings.iter().try_for_each(LookReading::check)
+    }
+}
+
+impl LookReading {
+    fn check(&self) -> CheckResult {
+        self.at.check()?;
+        self.toward.check()?;
+        require(
+            self.age_ms <= READING_AGE_MAX_MS,
+            "a reading is at most two seconds old",
         )
     }
 }

@@ -176,6 +176,7 @@ fn write_body(message: &Message, frame: &mut Vec<u8>) -> Result<(), EncodeError>
         Message::Image(image) => write(image, frame),
         Message::Fix(fix) => write(fix, frame),
         Message::Mark(mark) => write(mark, frame),
+        Message::Look(look) => write(look, frame),
     }
 }
 
@@ -199,6 +200,7 @@ fn read_body(kind: MessageKind, body: &[u8]) -> Result<Message, DecodeError> {
         MessageKind::Image => read(body).map(Message::Image),
         MessageKind::Fix => read(body).map(Message::Fix),
         MessageKind::Mark => read(body).map(Message::Mark),
+        MessageKind::Look => read(body).map(Message::Look),
     }
 }
 

@@ -97,7 +97,8 @@ impl Topic {
             | Message::Beacon(_)
             | Message::Health(_)
             | Message::Report(_)
-            | Message::Standing(_) => MessageSubject::Whole,
+            | Message::Standing(_)
+            | Message::Look(_) => MessageSubject::Whole,
         };
         Topic {
             kind: message.kind(),

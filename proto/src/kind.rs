@@ -26,11 +26,12 @@ pub enum MessageKind {
     Image = 15,
     Fix = 16,
     Mark = 17,
+    Look = 18,
 }
 
 impl MessageKind {
     /// All kinds, in the order of their numbers.
-    pub const ALL: [MessageKind; 18] = [
+    pub const ALL: [MessageKind; 19] = [
         MessageKind::Hello,
         MessageKind::State,
         MessageKind::Tile,
@@ -49,6 +50,7 @@ impl MessageKind {
         MessageKind::Image,
         MessageKind::Fix,
         MessageKind::Mark,
+        MessageKind::Look,
     ];
 
     /// Returns the number in a frame's header.
@@ -82,6 +84,7 @@ impl MessageKind {
             MessageKind::Image => "image",
             MessageKind::Fix => "fix",
             MessageKind::Mark => "mark",
+            MessageKind::Look => "look",
         }
     }
 }

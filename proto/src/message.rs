@@ -6,6 +6,7 @@ mod fix;
 mod health;
 mod hello;
 mod image;
+mod look;
 mod map;
 mod mark;
 mod order;
@@ -29,6 +30,7 @@ pub use image::{
     Covariance, Find, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject,
     Rectangle,
 };
+pub use look::{LOOK_READINGS_MAX, Look, LookReading, READING_AGE_MAX_MS};
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, TileRequest};
 pub use mark::Mark;
 pub use order::{EmergencyStop, OpenStops, Order, OrderKind, StopScope};
@@ -68,6 +70,7 @@ pub enum Message {
     Image(Image),
     Fix(Fix),
     Mark(Mark),
+    Look(Look),
 }
 
 impl Message {
@@ -92,6 +95,7 @@ impl Message {
             Message::Image(_) => MessageKind::Image,
             Message::Fix(_) => MessageKind::Fix,
             Message::Mark(_) => MessageKind::Mark,
+            Message::Look(_) => MessageKind::Look,
         }
     }
 
@@ -111,6 +115,7 @@ impl Message {
             Message::Samples(batch) => Some(Sender::Vehicle(batch.vehicle)),
             Message::Beacon(beacon) => Some(Sender::Vehicle(beacon.sender)),
             Message::Health(health) => Some(Sender::Vehicle(health.vehicle)),
+            Message::Look(look) => Some(Sender::Vehicle(look.vehicle)),
             Message::Plan(_) | Message::Have(_) | Message::Report(_) | Message::Image(_) => {
                 Some(Sender::Ground)
             }

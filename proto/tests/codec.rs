@@ -688,14 +688,63 @@ fn impossible_tasks_and_images_are_refused() {
 }
 
 #[test]
+fn a_look_has_few_readings_and_none_of_long_ago() {
+    let reading = LookReading {
+        at: Position::from_metres(1.0, 2.0, 0.0),
+        toward: Heading::LAST,
+        range_mm: Some(1),
+        is_suspect: false,
+        age_ms: READING_AGE_MAX_MS,
+    };
+    let with = |half_angle, readings| {
+        Message::Look(Look {
+            vehicle: VehicleId(1),
+            half_angle,
+            max_range_mm: 4000,
+            readings,
+        })
+    };
+    let look = |readings| with(Heading(2618), readings);
+    refused(&with(Heading(62_832), vec![]), "heading");
+    assert!(look(vec![reading; LOOK_READINGS_MAX]).check().is_ok());
+    assert!(look(vec![]).check().is_ok());
+    refused(&look(vec![reading; LOOK_READINGS_MAX + 1]), "at most 16");
+    for (wrong, why) in [
+        (
+            LookReading {
+                age_ms: READING_AGE_MAX_MS + 1,
+                ..reading
+            },
+            "two seconds",
+        ),
+        (
+            LookReading {
+                toward: Heading(62_832),
+                ..reading
+            },
+            "heading",
+        ),
+        (
+            LookReading {
+                at: Position::from_metres(1e6, 0.0, 0.0),
+                ..reading
+            },
+            "1000 km",
+        ),
+    ] {
+        refused(&look(vec![reading, wrong]), why);
+    }
+}
+
+#[test]
 fn an_unknown_kind_is_no_mistake_whatever_it_holds() {
-    for kind in 18..=u8::MAX {
+    for kind in 19..=u8::MAX {
         for body in [&[][..], &[0], &[255; 300]] {
             let frame = [&[b't', b'S', VERSION, kind], body].concat();
             assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
         }
     }
-    let long = [&[b't', b'S', VERSION, 18][..], &vec![0; LIMIT]].concat();
+    let long = [&[b't', b'S', VERSION, 19][..], &vec![0; LIMIT]].concat();
     assert_eq!(
         decode(&long),
         Err(DecodeError::TooLong { length: LIMIT + 4 })
@@ -973,7 +1022,7 @@ proptest! {
     }
 
     #[test]
-    fn any_body_of_an_unknown_kind_is_unknown(kind in 18..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn any_body_of_an_unknown_kind_is_unknown(kind in 19..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
         let frame = [&[b't', b'S', VERSION, kind], &body[..]].concat();
         prop_assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
     }

@@ -17,6 +17,7 @@ use tomoswarm_proto::{
 use super::cell_view::TileChanges;
 use super::events::{EventKind, EventList};
 use super::gate::PageId;
+use super::look_view::LookView;
 use super::marks::{MarkBook, MarkOrder, in_metres};
 use super::newest_image::NewestImage;
 use super::orders::{OrderBook, OrderRequest};
@@ -86,6 +87,8 @@ pub enum Subject {
     Finds(ImageSubject),
     /// Where a vehicle has been: sent once, since a page goes on with it by itself.
     Track(VehicleId),
+    /// What the range sensors of a vehicle heard of late: for pages that ride with it.
+    Look(VehicleId),
     /// A tile of the merged map.
     Tile(TileAddress),
     /// A part of an image.
@@ -102,6 +105,7 @@ pub struct Board {
     repair: Repair,
     plans: BTreeMap<VehicleId, Plan>,
     tracks: BTreeMap<VehicleId, Track>,
+    looks: BTreeMap<VehicleId, LookView>,
     /// Made when it is asked for, of the plans as they are.
     timetable: OnceCell<Option<Timetable>>,
     radio: RadioView,
@@ -124,6 +128,7 @@ impl Board {
             repair: Repair::new(None),
             plans: BTreeMap::new(),
             tracks: BTreeMap::new(),
+            looks: BTreeMap::new(),
             timetable: OnceCell::new(),
             radio: RadioView::default(),
             events: EventList::default(),
@@ -257,6 +262,11 @@ impl Board {
         self.tracks.get(&id)
     }
 
+    /// Returns what the range sensors of a vehicle heard of late.
+    pub fn look(&self, id: VehicleId) -> Option<&LookView> {
+        self.looks.get(&id)
+    }
+
     /// Returns the plans of the newest revision against time; `None` while they are not complete.
     pub fn timetable(&self) -> Option<&Timetable> {
         let made = self.timetable.get_or_init(|| Timetable::of(&self.plans));
@@ -339,6 +349,7 @@ impl Board {
             .chain(marks)
             .chain(self.radio.pairs().map(Subject::Radio))
             .chain(self.tracks.keys().map(|id| Subject::Track(*id)))
+            .chain(self.looks.keys().map(|id| Subject::Look(*id)))
             .chain(self.map.addresses().map(Subject::Tile))
             .chain(images)
             .collect()
@@ -438,7 +449,8 @@ impl Board {
             | Message::Task(_)
             | Message::Image(_)
             | Message::Fix(_)
-            | Message::Mark(_) => {}
+            | Message::Mark(_)
+            | Message::Look(_) => {}
         }
     }
 
@@ -471,6 +483,12 @@ impl Board {
             Message::Samples(batch) => {
                 let pairs = self.radio.hear(now, batch);
                 self.changes.extend(pairs.into_iter().map(Subject::Radio));
+            }
+            Message::Look(look) => {
+                let known = self.looks.entry(look.vehicle);
+                let known = known.and_modify(|known| known.hear(now, look));
+                known.or_insert_with(|| LookView::new(now, look));
+                self.changes.insert(Subject::Look(look.vehicle));
             }
             Message::Mark(mark) => {
                 if let Some(text) = self.marks.hear(sender, mark) {

@@ -23,6 +23,7 @@ pub fn kind(subject: Subject) -> FrameKind {
         Subject::Radio(_) => FrameKind::Radio,
         Subject::Finds(_) => FrameKind::Finds,
         Subject::Track(_) => FrameKind::Track,
+        Subject::Look(_) => FrameKind::Look,
         Subject::Tile(_) => FrameKind::Tiles,
         Subject::Stripe(..) => FrameKind::Stripe,
     }
@@ -45,6 +46,7 @@ pub fn bytes(now: Time, board: &Board, subject: Subject, events_after: u64) -> O
         Subject::Events => texts::events(now, board, events_after)?,
         Subject::Finds(of) => texts::finds(board, of)?,
         Subject::Track(id) => texts::track(board, id)?,
+        Subject::Look(id) => board.look(id)?.text(now, id),
         Subject::Moment | Subject::Markers => return None,
     };
     Some(text.into_bytes())

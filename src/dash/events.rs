@@ -119,7 +119,8 @@ impl EventList {
             | Message::Task(_)
             | Message::Image(_)
             | Message::Fix(_)
-            | Message::Mark(_) => {}
+            | Message::Mark(_)
+            | Message::Look(_) => {}
         }
     }
 

@@ -55,11 +55,13 @@ pub enum FrameKind {
     Track = 15,
     /// Text: where somebody truly stands.
     Marks = 16,
+    /// Text: what the range sensors of one vehicle heard of late.
+    Look = 17,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 16] = [
+    pub const ALL: [FrameKind; 17] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -76,6 +78,7 @@ impl FrameKind {
         FrameKind::Markers,
         FrameKind::Track,
         FrameKind::Marks,
+        FrameKind::Look,
     ];
 }
 

@@ -112,7 +112,9 @@ impl OrderRequest {
         }
         // Whose motors are cut is said by number: nobody falls because nothing was selected.
         if request.order == OrderWord::CutMotors && request.vehicles.is_empty() {
-            return Err("cut-motors expects the vehicles by number: it is never for all".to_owned());
+            return Err(
+                "cut-motors expects the vehicles by number: it is never for all".to_owned(),
+            );
         }
         Ok(request)
     }

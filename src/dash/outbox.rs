@@ -10,6 +10,8 @@ use std::collections::{BTreeSet, VecDeque};
 use std::ops::Bound;
 use std::time::Duration;
 
+use tomoswarm_proto::VehicleId;
+
 use super::board::{Board, Subject};
 use super::events::Event;
 use super::frame::{self, FRAME_BYTES_MAX, FrameKind, HEADER_BYTES};
@@ -48,6 +50,8 @@ pub struct Shown<'a> {
 #[derive(Debug)]
 pub struct Outbox {
     waiting: BTreeSet<Subject>,
+    /// The vehicle whose looks it is shown.
+    rides: Option<VehicleId>,
     /// The rest of a text that has begun.
     rest: VecDeque<Vec<u8>>,
     in_flight: u32,
@@ -72,7 +76,8 @@ impl Outbox {
     pub fn new(now: Time, welcome: &str, shown: &Shown<'_>) -> Outbox {
         let markers = (!shown.markers.is_empty()).then_some(Subject::Markers);
         Outbox {
-            waiting: everything(shown.board, markers),
+            waiting: everything(shown.board, None, markers),
+            rides: None,
             rest: frame::texts(FrameKind::Welcome, shown.at, welcome.as_bytes()).into(),
             in_flight: 0,
             passed_over: [0; 5],
@@ -88,7 +93,7 @@ impl Outbox {
     /// Lets everything come anew, as another board has it; a text that has begun is ended first.
     pub fn show_anew(&mut self, now: Time, board: &Board) {
         let markers = self.waiting.get(&Subject::Markers).copied();
-        self.waiting = everything(board, markers);
+        self.waiting = everything(board, self.rides, markers);
         (self.passed_over, self.rates_at) = ([0; 5], [now; 4]);
         self.sent_last = [None; 5];
         (self.events_sent, self.is_anew, self.is_filling) = (0, true, true);
@@ -101,7 +106,21 @@ impl Outbox {
 
     /// Takes what has changed.
     pub fn note(&mut self, changes: &BTreeSet<Subject>) {
-        self.waiting.extend(changes);
+        let rides = self.rides;
+        let for_it = changes.iter().filter(|of| is_for(**of, rides));
+        self.waiting.extend(for_it);
+    }
+
+    /// Takes which vehicle the page rides with.
+    pub fn ride(&mut self, vehicle: Option<VehicleId>) {
+        self.rides = vehicle;
+        self.waiting.retain(|of| is_for(*of, vehicle));
+        self.waiting.extend(vehicle.map(Subject::Look));
+    }
+
+    /// Returns which vehicle the page rides with.
+    pub fn rides(&self) -> Option<VehicleId> {
+        self.rides
     }
 
     /// Takes that the page has drawn some frames.
@@ -249,6 +268,7 @@ impl Outbox {
             | Subject::Timetable
             | Subject::Marks
             | Subject::Track(_)
+            | Subject::Look(_)
             | Subject::Finds(_) => bytes(subject),
         };
         self.waiting.remove(&subject);
@@ -279,9 +299,22 @@ impl Outbox {
     }
 }
 
+/// Returns whether a page that rides with a vehicle is shown a subject.
+fn is_for(subject: Subject, rides: Option<VehicleId>) -> bool {
+    match subject {
+        Subject::Look(id) => rides == Some(id),
+        _ => true,
+    }
+}
+
 /// Returns all that a page waits for that is to see a board, with the markers if there are any that it has not seen.
-fn everything(board: &Board, markers: Option<Subject>) -> BTreeSet<Subject> {
+fn everything(
+    board: &Board,
+    rides: Option<VehicleId>,
+    markers: Option<Subject>,
+) -> BTreeSet<Subject> {
     let mut all = board.subjects();
+    all.retain(|of| is_for(*of, rides));
     all.extend([Subject::Moment].into_iter().chain(markers));
     all
 }
@@ -302,6 +335,7 @@ fn rate(subject: Subject) -> Option<(usize, Duration)> {
         | Subject::Events
         | Subject::Markers
         | Subject::Track(_)
+        | Subject::Look(_)
         | Subject::Finds(_)
         | Subject::Stripe(..) => None,
     }
@@ -311,7 +345,7 @@ fn rate(subject: Subject) -> Option<(usize, Duration)> {
 fn class(subject: Subject) -> usize {
     match subject {
         Subject::Orders => 0,
-        Subject::State(_) => 1,
+        Subject::State(_) | Subject::Look(_) => 1,
         Subject::Ground
         | Subject::Vehicle(_)
         | Subject::Plan(_)

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tomoswarm_proto::{Message, StopScope};
+use tomoswarm_proto::{Message, StopScope, VehicleId};
 
 pub use self::looks::CellQuestion;
 use super::board::{Board, BoardInput, Subject};
@@ -64,6 +64,9 @@ struct PageMessage {
     credit: u32,
     #[serde(default)]
     show: Option<WantedTime>,
+    /// With which vehicle it rides from now on; 0 = with none.
+    #[serde(default)]
+    ride: Option<u8>,
 }
 
 /// What time a page wants to see.
@@ -101,6 +104,8 @@ pub struct PageServer {
     pages: BTreeMap<PageId, Page>,
     last_page: u32,
     seat: Option<PageId>,
+    /// Whether a page rides with a vehicle.
+    are_looks_wanted: bool,
     /// When it was heard last that no stop for all is open any more.
     lifted: Option<Time>,
     /// The moment that is shown when it is not the present.
@@ -136,6 +141,7 @@ impl PageServer {
             pages: BTreeMap::new(),
             last_page: 0,
             seat: None,
+            are_looks_wanted: false,
             lifted: None,
             shown: None,
             is_over: false,
@@ -263,6 +269,10 @@ impl PageServer {
         if let Some(outbox) = &mut page.outbox {
             outbox.credit(said.credit);
             page.wanted = said.show.or(page.wanted);
+            if let Some(vehicle) = said.ride {
+                outbox.ride(Some(VehicleId(vehicle)).filter(|id| id.0 > 0));
+                self.ask_for_looks();
+            }
             return Ok(());
         }
         let right = self
@@ -296,6 +306,7 @@ impl PageServer {
     /// Takes that a connection is gone.
     pub fn closed(&mut self, id: PageId) {
         self.pages.remove(&id);
+        self.ask_for_looks();
         self.gate.leave(id);
     }
 
@@ -355,6 +366,15 @@ impl PageServer {
         Ok(number)
     }
 
+    /// Asks vehicles for what they hear while a page rides with one, and no longer.
+    fn ask_for_looks(&mut self) {
+        let mut open = self.pages.values().filter_map(|page| page.outbox.as_ref());
+        let are_wanted = open.any(|outbox| outbox.rides().is_some());
+        if std::mem::replace(&mut self.are_looks_wanted, are_wanted) != are_wanted {
+            self.effects.push(PageEffect::Tell(In::Looks(are_wanted)));
+        }
+    }
+
     /// Returns when to call [`PageServer::due`] next at the latest.
     pub fn deadline(&self, now: Time) -> Time {
         let pages = self.pages.values().filter_map(|page| match &page.outbox {
@@ -400,6 +420,8 @@ impl PageServer {
                 self.pages.remove(id);
             }
         }
+        self.ask_for_looks();
+        effects.append(&mut self.effects);
         effects
     }
 

@@ -198,7 +198,8 @@ impl Numbers {
             | Message::Standing(_)
             | Message::Image(_)
             | Message::Fix(_)
-            | Message::Mark(_) => return Numbers::default(),
+            | Message::Mark(_)
+            | Message::Look(_) => return Numbers::default(),
         })
     }
 

@@ -158,6 +158,7 @@ fn of_stranger(message: Message) -> Option<Message> {
         | Message::Task(_)
         | Message::Image(_)
         | Message::Fix(_)
-        | Message::Mark(_) => None,
+        | Message::Mark(_)
+        | Message::Look(_) => None,
     }
 }

@@ -246,6 +246,15 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         class: Urgency::Normal,
         is_replaced: false,
     },
+    // Said only while an operator asks for it. A late one is of no use, but each has other readings.
+    MessageRule {
+        kind: MessageKind::Look,
+        of_vehicle: OPERATORS,
+        of_ground: None,
+        of_operator: None,
+        class: Urgency::Low,
+        is_replaced: false,
+    },
 ];
 
 // A row out of order does not compile.
@@ -275,6 +284,7 @@ pub fn interest(kind: MessageKind) -> Option<Interest> {
         MessageKind::Tile | MessageKind::Digest | MessageKind::Want => Some(Interest::Map),
         MessageKind::Samples | MessageKind::Have => Some(Interest::Samples),
         MessageKind::Image => Some(Interest::Images),
+        MessageKind::Look => Some(Interest::Looks),
         MessageKind::Hello
         | MessageKind::Order
         | MessageKind::Beacon

@@ -149,7 +149,8 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Task(_)
         | Message::Image(_)
         | Message::Fix(_)
-        | Message::Mark(_) => None,
+        | Message::Mark(_)
+        | Message::Look(_) => None,
     };
     if let (Sender::Operator(operator), Message::Hello(_)) = (sender, &message) {
         let heard = image_publisher::In::Heard(operator);

@@ -253,7 +253,8 @@ impl Station {
             | Message::Beacon(_)
             | Message::Standing(_)
             | Message::Image(_)
-            | Message::Fix(_) => {}
+            | Message::Fix(_)
+            | Message::Look(_) => {}
         }
         self.lease_changed(now, change, out);
     }

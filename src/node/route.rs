@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!  range driver ─Echo─► sensor ──Scan──► map ──Tiles──► mission ──MoveCommand──► vehicle ──AutopilotCommand──► autopilot
-//!                         └──────Scan (reflex stop)────────────────────────► vehicle
+//!                         ├──────Scan (reflex stop)────────────────────────► vehicle
+//!                         └──────Look──► bus              bus ──an operator's Hello asks for looks──► sensor
 //!  autopilot driver ─Report, Ack─► autopilot ──Telemetry, ControlStatus──► vehicle      autopilot ──Command──► autopilot driver
 //!  vehicle ──State──► sensor, mission, radio, bus
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
@@ -19,7 +20,7 @@
 
 use std::fmt;
 
-use tomoswarm_proto::{Beacon, Boot, Fix, Message, OpenStops, RunId, Sample, Sender};
+use tomoswarm_proto::{Beacon, Boot, Fix, Interest, Message, OpenStops, RunId, Sample, Sender};
 
 use super::memory::{Remembered, VehicleMemory};
 use super::{map, mission, outbox, radio, sensor, vehicle};
@@ -211,6 +212,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Vehicle(vehicle::In::Scan(scan.clone())));
             to.push(Destination::Map(map::In::Scan(scan)));
         }
+        Output::Sensor(sensor::Out::Look(look)) => {
+            to.push(Destination::Edge(Effect::Publish(Message::Look(look))))
+        }
         Output::Map(map::Out::Tiles(tiles)) => {
             to.extend(
                 tiles
@@ -282,6 +286,10 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
                     .lease
                     .map(|lease| Destination::Stops(stops::In::Lease(lease))),
             );
+            let is_operator = matches!(sender, Sender::Operator(_));
+            if is_operator && hello.interest.contains(&Interest::Looks) {
+                to.push(Destination::Sensor(sensor::In::Asked));
+            }
         }
         Message::Report(report) => {
             to.push(Destination::Stops(stops::In::Lease(report.lease)));
@@ -299,7 +307,8 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Beacon(_)
         | Message::Health(_)
         | Message::Image(_)
-        | Message::Mark(_) => {}
+        | Message::Mark(_)
+        | Message::Look(_) => {}
     }
 }
 
@@ -375,7 +384,7 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Digest, OperatorId, TileRequest, VehicleId};
+    use tomoswarm_proto::{Digest, Hello, OperatorId, TileRequest, VehicleId};
 
     /// Returns of whom a mission hears when a sender says a message.
     fn heard(sender: Sender, message: Message) -> Vec<Sender> {
@@ -386,6 +395,26 @@ mod tests {
             _ => None,
         });
         heard.collect()
+    }
+
+    #[test]
+    fn an_operator_that_wants_looks_is_told_them_and_nobody_else() {
+        let hello = |interest| Hello {
+            interest,
+            ..Hello::asking(Sender::Ground, Boot(1), 2, 3)
+        };
+        let asks = |sender, interest| {
+            let mut to = Vec::new();
+            let greeting = Message::Hello(hello(interest));
+            route(Output::Edge(Event::Bus(sender, greeting)), &mut to);
+            let is_asked = |of: &Destination| matches!(of, Destination::Sensor(sensor::In::Asked));
+            to.iter().any(is_asked)
+        };
+        let operator = Sender::Operator(OperatorId(1));
+        assert!(asks(operator, vec![Interest::Fleet, Interest::Looks]));
+        assert!(!asks(operator, vec![Interest::Fleet]));
+        assert!(!asks(Sender::Ground, vec![Interest::Looks]));
+        assert!(!asks(Sender::Vehicle(VehicleId(2)), vec![Interest::Looks]));
     }
 
     #[test]

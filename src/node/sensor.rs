@@ -2,7 +2,8 @@
 //! turns the answer into a scan with pose and direction. Several sensors take turns, so that none hears another's echo;
 //! which one looks along a beam follows from the beam ([`crate::plan::Mounts`]).
 //!
-//! It is told echoes and the vehicle's state; it says where to steer, when to ping, and scans. It keeps no map and
+//! It is told echoes, the vehicle's state, and that an operator looks through its eyes; it says where to steer, when to ping, and
+//! scans, and to whoever asks what they were. It keeps no map and
 //! decides nothing about safety: a reading that looks like a glitch is marked as suspect, not hidden,
 //! since the reflex must see it all the same.
 //!
@@ -17,10 +18,14 @@
 //!
 //! Deadlines: `next beam`, `servo settled`.
 
+mod look_report;
+
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Look, VehicleId};
 
+use self::look_report::LookReport;
 use super::last_pose::LastPose;
 use super::{LookSettings, OwnState};
 use crate::actor::{Actor, Fault, Input, InputClass};
@@ -102,6 +107,8 @@ pub enum In {
     Echo(Echo),
     /// Where the vehicle is.
     State(OwnState),
+    /// An operator asks what it hears.
+    Asked,
 }
 
 /// What the sensor actor can say.
@@ -113,6 +120,17 @@ pub enum Out {
     Ping(Ping),
     /// A reading.
     Scan(Scan),
+    /// The last readings, for operators who ask.
+    Look(Look),
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The newest state.
+    State,
+    /// That an operator asks.
+    Asked,
 }
 
 /// The sensor actor.
@@ -129,6 +147,8 @@ pub struct Sensor {
     jumped: Vec<(Time, Scan)>,
     /// Where the servos stand.
     pointing: Pointing,
+    altitude_m: f64,
+    report: LookReport,
 }
 
 /// A reading that nothing can be learnt from.
@@ -154,7 +174,7 @@ enum Phase {
 
 impl Sensor {
     /// Makes the actor; it points its first beam at the first wake.
-    pub fn new(look: LookSettings, pose_sd_max_m: f64) -> Sensor {
+    pub fn new(vehicle: VehicleId, look: LookSettings, pose_sd_max_m: f64) -> Sensor {
         let last_m = vec![f64::INFINITY; look.beams.len()];
         let phase = Phase::Listening {
             awaited: None,
@@ -164,6 +184,7 @@ impl Sensor {
             LastPose::unknown(pose_sd_max_m),
             Pointing::new(look.mounts.clone()),
         );
+        let report = LookReport::new(vehicle, &look);
         Sensor {
             look,
             place,
@@ -173,6 +194,8 @@ impl Sensor {
             last_m,
             jumped: Vec::new(),
             pointing,
+            altitude_m: 0.0,
+            report,
         }
     }
 
@@ -217,7 +240,9 @@ impl Sensor {
             scan.suspect = !self.is_confirmed(now, &scan);
             self.jumped.push((now, scan.clone()));
         }
+        let look = self.report.take(now, &scan, self.altitude_m);
         out.push(Out::Scan(scan));
+        out.extend(look.map(Out::Look));
     }
 
     /// Returns whether one of the last readings that jumped may be of the same thing; forgets older ones.
@@ -248,7 +273,11 @@ impl Actor for Sensor {
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
             In::Echo(echo) => self.take_echo(now, echo, out),
-            In::State(state) => self.place.take(now, &state),
+            In::State(state) => {
+                self.altitude_m = state.flight_state.altitude_m;
+                self.place.take(now, &state);
+            }
+            In::Asked => self.report.ask(now),
         }
         Ok(())
     }
@@ -288,12 +317,13 @@ impl Actor for Sensor {
 }
 
 impl Input for In {
-    type Key = ();
+    type Key = Key;
 
-    fn class(&self) -> InputClass<()> {
+    fn class(&self) -> InputClass<Key> {
         match self {
             In::Echo(_) => InputClass::Queue,
-            In::State(_) => InputClass::Latest(()),
+            In::State(_) => InputClass::Latest(Key::State),
+            In::Asked => InputClass::Latest(Key::Asked),
         }
     }
 }
@@ -306,7 +336,7 @@ mod tests {
 
     fn sensor() -> Sensor {
         let settings = super::super::tests_support::settings(1);
-        Sensor::new(settings.look, settings.swarm.pose_sd_max_m)
+        Sensor::new(VehicleId(1), settings.look, settings.swarm.pose_sd_max_m)
     }
 
     fn fed(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {
@@ -352,7 +382,11 @@ mod tests {
     fn a_servo_that_needs_no_time_pings_at_once_and_no_wake_is_in_vain() {
         let mut settings = super::super::tests_support::settings(1);
         settings.look.settle = Duration::ZERO;
-        let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
+        let mut sensor = Sensor::new(
+            VehicleId(1),
+            settings.look.clone(),
+            settings.swarm.pose_sd_max_m,
+        );
         for number in 1..=7 {
             let mut out = Vec::new();
             let due = sensor.deadline().unwrap().at;
@@ -385,7 +419,11 @@ mod tests {
         let mut settings = super::super::tests_support::settings(1);
         settings.look.beams = [0.0, 180.0, 20.0].map(Angle::from_degrees).to_vec();
         settings.look.mounts = Mounts::new(vec![servo(0.0, 45.0), servo(180.0, 0.0)]);
-        let mut sensor = Sensor::new(settings.look.clone(), settings.swarm.pose_sd_max_m);
+        let mut sensor = Sensor::new(
+            VehicleId(1),
+            settings.look.clone(),
+            settings.swarm.pose_sd_max_m,
+        );
         let mut pings = Vec::new();
         let mut steered = Vec::new();
         while pings.len() < 7 {
@@ -396,7 +434,7 @@ mod tests {
                 match output {
                     Out::Steer(beam) => steered.push((due, beam.degrees())),
                     Out::Ping(_) => pings.push(due.since(steered[steered.len() - 1].0).as_millis()),
-                    Out::Scan(_) => panic!("nothing has answered"),
+                    Out::Scan(_) | Out::Look(_) => panic!("nothing has answered"),
                 }
             }
         }

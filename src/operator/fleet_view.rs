@@ -340,7 +340,8 @@ impl FleetView {
             | Message::Task(_)
             | Message::Image(_)
             | Message::Fix(_)
-            | Message::Mark(_) => {}
+            | Message::Mark(_)
+            | Message::Look(_) => {}
         }
     }
 

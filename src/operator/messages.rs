@@ -47,6 +47,8 @@ pub enum In {
     Fix(Fix),
     /// A true position that is to be marked, under a number of its own.
     Mark(u32, MarkRequest),
+    /// Whether it wants to be told what vehicles' range sensors hear.
+    Looks(bool),
 }
 
 /// What the operator can say.
@@ -114,6 +116,8 @@ pub enum Key {
     Fix(VehicleId),
     /// A mark.
     Mark(u32),
+    /// Whether looks are wanted.
+    Looks,
 }
 
 impl Input for In {
@@ -137,6 +141,7 @@ impl Input for In {
             In::CueDone => InputClass::Latest(Key::CueDone),
             In::Fix(fix) => InputClass::Latest(Key::Fix(fix.vehicle)),
             In::Mark(number, _) => InputClass::Latest(Key::Mark(*number)),
+            In::Looks(_) => InputClass::Latest(Key::Looks),
         }
     }
 
@@ -155,7 +160,8 @@ impl Input for In {
             | In::Follow(_)
             | In::CueDone
             | In::Fix(_)
-            | In::Mark(..) => None,
+            | In::Mark(..)
+            | In::Looks(_) => None,
         };
         match (state(&unread), state(&newer)) {
             (Some(was), Some(is)) if was.0 == is.0 && was > is => unread,

@@ -28,7 +28,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Hello, Lease, Message, OperatorId, Sender, StopScope,
+    EmergencyName, EmergencyStop, Hello, Interest, Lease, Message, OperatorId, Sender, StopScope,
 };
 
 use super::HeardMessage;
@@ -561,6 +561,15 @@ impl Actor for Operator {
                 return Ok(());
             }
             In::Mark(number, request) => self.marks.give(now, number, request),
+            In::Looks(are_wanted) => {
+                let interest = &mut self.settings.hello.interest;
+                if interest.contains(&Interest::Looks) != are_wanted {
+                    interest.retain(|of| *of != Interest::Looks);
+                    // The last of all, so that they stay ascending.
+                    interest.extend(are_wanted.then_some(Interest::Looks));
+                    self.greeted = None;
+                }
+            }
             In::CueDone => {
                 if let Some(script) = &mut self.script {
                     script.cue_done();

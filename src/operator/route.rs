@@ -63,6 +63,7 @@ fn for_stops(event: &In) -> Option<stops::In> {
         | In::Follow(_)
         | In::CueDone
         | In::Fix(_)
-        | In::Mark(..) => None,
+        | In::Mark(..)
+        | In::Looks(_) => None,
     }
 }

@@ -358,7 +358,8 @@ impl Subscriber {
             | Message::Standing(_)
             | Message::Task(_)
             | Message::Image(_)
-            | Message::Fix(_) => self.node.tell(Event::Bus(sender, message)),
+            | Message::Fix(_)
+            | Message::Look(_) => self.node.tell(Event::Bus(sender, message)),
             // One that cannot be taken now is said again.
             Message::Mark(mark) => drop(self.store.try_send(StoreJob::Mark(sender, mark))),
         }
@@ -424,7 +425,8 @@ impl Edge {
             | Message::Task(_)
             | Message::Image(_)
             | Message::Fix(_)
-            | Message::Mark(_) => self.publisher.publish(&message),
+            | Message::Mark(_)
+            | Message::Look(_) => self.publisher.publish(&message),
         }
     }
 }

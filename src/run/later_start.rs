@@ -232,7 +232,8 @@ fn later_start(own: LayerId, done: &Done, message: &Message) -> Option<Boot> {
         | Message::Task(_)
         | Message::Image(_)
         | Message::Fix(_)
-        | Message::Mark(_) => None,
+        | Message::Mark(_)
+        | Message::Look(_) => None,
     }
 }
 

@@ -87,7 +87,8 @@ fn about_anything(role: &str, row: &MessageRule) -> String {
         | MessageKind::Beacon
         | MessageKind::Health
         | MessageKind::Report
-        | MessageKind::Standing => "",
+        | MessageKind::Standing
+        | MessageKind::Look => "",
         MessageKind::Plan
         | MessageKind::Order
         | MessageKind::Task

@@ -477,7 +477,7 @@ mod tests {
             | Message::Hello(_) => vec![A, B, NodeId::Ground],
             Message::Fix(fix) => vec![NodeId::Vehicle(fix.vehicle)],
             Message::Mark(_) => vec![NodeId::Ground],
-            Message::Beacon(_) | Message::Image(_) => Vec::new(),
+            Message::Beacon(_) | Message::Image(_) | Message::Look(_) => Vec::new(),
         }
     }
 

@@ -44,6 +44,8 @@ mod page_marks;
 #[cfg(feature = "dash")]
 mod page_process;
 #[cfg(feature = "dash")]
+mod page_ride;
+#[cfg(feature = "dash")]
 mod page_scene;
 #[cfg(feature = "dash")]
 mod page_tls;

@@ -28,7 +28,7 @@ pub fn looked_at(folder: &Path) -> Option<(SimulationWithPage, Browser)> {
     Some((simulation, browser))
 }
 
-fn key(browser: &mut Browser, letter: char) {
+pub fn key(browser: &mut Browser, letter: char) {
     let upper = letter.to_ascii_uppercase();
     browser.key(
         &letter.to_string(),
@@ -38,7 +38,7 @@ fn key(browser: &mut Browser, letter: char) {
 }
 
 /// Waits until a view of the scene is shown and was drawn.
-fn until_drawn(browser: &mut Browser, view: &str) {
+pub fn until_drawn(browser: &mut Browser, view: &str) {
     browser.until(&format!("{SHOWN} === '{view}'"), 10);
     browser.until(
         "tomoswarm.view.space.frames > (globalThis.frames_before ?? 0)",

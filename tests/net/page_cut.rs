@@ -19,7 +19,10 @@ fn type_numbers(browser: &mut Browser, text: &str) {
 fn offered(browser: &mut Browser) -> (bool, String) {
     let hint = browser.eval("document.getElementById('cut-hint').textContent");
     let is_disabled = browser.eval("document.getElementById('cut-motors').disabled");
-    (is_disabled == json!(false), hint.as_str().unwrap().to_owned())
+    (
+        is_disabled == json!(false),
+        hint.as_str().unwrap().to_owned(),
+    )
 }
 
 #[test]
@@ -31,7 +34,10 @@ fn motors_are_cut_of_whoever_is_typed_and_of_nobody_else() {
     swarm.run();
     let dash = Dash::start(&mut swarm);
     browser.go(&dash.operate);
-    browser.until("tomoswarm.model.states.size === 2 && tomoswarm.scene.view", 60);
+    browser.until(
+        "tomoswarm.model.states.size === 2 && tomoswarm.scene.view",
+        60,
+    );
     browser.eval("document.getElementById('cut').open = true; 0");
     every_control_has_a_name(&mut browser);
 
@@ -72,7 +78,10 @@ fn motors_are_cut_of_whoever_is_typed_and_of_nobody_else() {
     shot(&mut browser, "page-cut");
     hold(&mut browser, "#cut-motors", 900);
     std::thread::sleep(Duration::from_millis(1500));
-    assert_eq!(browser.eval("tomoswarm.model.orders.orders.length"), json!(0));
+    assert_eq!(
+        browser.eval("tomoswarm.model.orders.orders.length"),
+        json!(0)
+    );
     hold(&mut browser, "#cut-motors", 4000);
     browser.until(is_cut, 10);
     browser.until("tomoswarm.model.orders.orders.at(-1)?.isDone", 10);

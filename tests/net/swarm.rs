@@ -93,6 +93,8 @@ pub struct Size {
 pub struct Watch {
     pub view: FleetView,
     pub digests: BTreeMap<Sender, (Instant, Digest)>,
+    /// How many looks of vehicles it has heard.
+    pub looks: usize,
     samples: BTreeMap<(VehicleId, Boot, RunId), BTreeMap<u64, Sample>>,
 }
 
@@ -107,6 +109,7 @@ impl Watch {
                 self.digests
                     .insert(*sender, (Instant::now(), digest.clone()));
             }
+            Message::Look(_) => self.looks += 1,
             Message::Samples(batch) => {
                 let known = self
                     .samples

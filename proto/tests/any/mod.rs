@@ -998,6 +998,33 @@ fn fix() -> impl Strategy<Value = Fix> {
     })
 }
 
+fn look() -> impl Strategy<Value = Look> {
+    let heading = (0..=Heading::LAST.0).prop_map(Heading);
+    let numbers = (
+        option::of(any::<u32>()),
+        any::<bool>(),
+        0..=READING_AGE_MAX_MS,
+    );
+    let reading = (position(), heading, numbers);
+    let reading = reading.prop_map(|(at, toward, (range_mm, is_suspect, age_ms))| LookReading {
+        at,
+        toward,
+        range_mm,
+        is_suspect,
+        age_ms,
+    });
+    let half_angle = (0..=Heading::LAST.0).prop_map(Heading);
+    let readings = vec(reading, 0..=LOOK_READINGS_MAX);
+    (vehicle(), half_angle, any::<u32>(), readings).prop_map(
+        |(vehicle, half_angle, max_range_mm, readings)| Look {
+            vehicle,
+            half_angle,
+            max_range_mm,
+            readings,
+        },
+    )
+}
+
 fn mark() -> impl Strategy<Value = Mark> {
     let run = (0..u32::MAX).prop_map(RunId);
     (run, position(), any::<bool>()).prop_map(|(run, at, stands)| Mark { run, at, stands })
@@ -1024,5 +1051,6 @@ pub fn message() -> impl Strategy<Value = Message> {
         image().prop_map(Message::Image),
         fix().prop_map(Message::Fix),
         mark().prop_map(Message::Mark),
+        look().prop_map(Message::Look),
     ]
 }

@@ -448,7 +448,24 @@ pub fn examples() -> Vec<(&'static str, Message)> {
                 stands: true,
             }),
         ),
+        ("look", Message::Look(look())),
     ]
+}
+
+fn look() -> Look {
+    let reading = |toward, range_mm, age_ms| LookReading {
+        at: position(1500, -2250),
+        toward: Heading(toward),
+        range_mm,
+        is_suspect: false,
+        age_ms,
+    };
+    Look {
+        vehicle: VehicleId(2),
+        half_angle: Heading(2618),
+        max_range_mm: 4000,
+        readings: vec![reading(7500, Some(1830), 104), reading(9245, None, 4)],
+    }
 }
 
 /// Returns further messages of kinds whose bytes depend on a choice, with the names of their golden files.

@@ -369,6 +369,13 @@ fn plan() -> Plan {
 
 /// Returns the longest message of every kind, in the order of the kinds; a plan may be as long as a frame.
 pub fn extremes() -> Vec<Message> {
+    let reading = LookReading {
+        at: position(),
+        toward: Heading::LAST,
+        range_mm: Some(u32::MAX),
+        is_suspect: true,
+        age_ms: READING_AGE_MAX_MS,
+    };
     let layer = LayerId {
         vehicle: VehicleId(255),
         boot: Boot(u32::MAX),
@@ -437,6 +444,12 @@ pub fn extremes() -> Vec<Message> {
             run: RunId(NUMBER),
             at: position(),
             stands: true,
+        }),
+        Message::Look(Look {
+            vehicle: VehicleId(250),
+            half_angle: Heading::LAST,
+            max_range_mm: u32::MAX,
+            readings: vec![reading; LOOK_READINGS_MAX],
         }),
     ]
 }

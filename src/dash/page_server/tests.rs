@@ -11,8 +11,8 @@ use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::outcome::OrderOutcome;
 use crate::operator::tests_support::{at, heard, report, state};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, LayerId, Mark, OpenStops, OperatorId, Position, RunId,
-    Sender, TileAddress, TileReport, VehicleId,
+    Boot, EmergencyName, EmergencyStop, Heading, LayerId, Look, LookReading, Mark, OpenStops,
+    OperatorId, Position, RunId, Sender, TileAddress, TileReport, VehicleId,
 };
 
 const LOOK: &str = "00112233445566778899aabbccddeeff";
@@ -916,4 +916,79 @@ fn who_has_seen_a_cell_is_told_of_the_moment_that_a_page_looks_at() {
     };
     let refused = server.cell(at(11.0), Some("Bearer nonsense"), asked);
     assert_eq!(refused, Err(GateRefusal::Token));
+}
+
+/// A look of a vehicle with one reading.
+fn look(vehicle: u8) -> HeardMessage {
+    let reading = LookReading {
+        at: Position::from_metres(1.0, 2.0, 0.0),
+        toward: Heading::from_radians(0.5),
+        range_mm: Some(1830),
+        is_suspect: false,
+        age_ms: 0,
+    };
+    let id = VehicleId(vehicle);
+    let look = Look {
+        vehicle: id,
+        half_angle: Heading::from_radians(0.25),
+        max_range_mm: 4000,
+        readings: vec![reading],
+    };
+    HeardMessage::Message(Sender::Vehicle(id), Message::Look(look))
+}
+
+#[test]
+fn looks_are_asked_for_while_a_page_rides_and_shown_to_that_page_alone() {
+    let mut server = server();
+    let (one, two) = (
+        page(&mut server, 0.0, LOOK),
+        page(&mut server, 0.0, OPERATE),
+    );
+    let asked = |effects: &[PageEffect]| -> Vec<bool> {
+        let said = effects.iter().filter_map(|effect| match effect {
+            PageEffect::Tell(In::Looks(are_wanted)) => Some(*are_wanted),
+            _ => None,
+        });
+        said.collect()
+    };
+    let seen = |effects: &[PageEffect], page| texts(effects, page, FrameKind::Look);
+    drawn(&mut server, one, 0.0);
+    drawn(&mut server, two, 0.0);
+    server.hear(at(0.5), &look(1));
+    let both = |server: &mut PageServer, at_s| {
+        [drawn(server, one, at_s), drawn(server, two, at_s)].concat()
+    };
+    let quiet = both(&mut server, 0.5);
+    assert_eq!(
+        (asked(&quiet), seen(&quiet, one), seen(&quiet, two)),
+        (vec![], vec![], vec![])
+    );
+
+    server.page_said(at(1.0), one, r#"{"ride":2}"#).unwrap();
+    server.page_said(at(1.0), two, r#"{"ride":1}"#).unwrap();
+    server.hear(at(1.0), &look(1));
+    server.hear(at(1.0), &look(2));
+    let riding = both(&mut server, 1.0);
+    assert_eq!(asked(&riding), [true], "asked once");
+    let ids = |effects, page| -> Vec<Value> {
+        seen(effects, page)
+            .iter()
+            .map(|text| text["id"].clone())
+            .collect()
+    };
+    assert_eq!(ids(&riding, one), [json!(2)]);
+    assert_eq!(ids(&riding, two), [json!(1)]);
+    assert_eq!(seen(&riding, two)[0]["readings"][1][4], json!(1.83));
+
+    server.page_said(at(2.0), one, r#"{"ride":0}"#).unwrap();
+    assert_eq!(asked(&both(&mut server, 2.0)), [false; 0]);
+    server.hear(at(2.1), &look(2));
+    assert_eq!(seen(&both(&mut server, 2.1), one), Vec::<Value>::new());
+    server.closed(two);
+    assert_eq!(
+        asked(&server.due(at(2.2))),
+        [false],
+        "nobody rides any more"
+    );
+    assert!(server.page_said(at(2.3), one, r#"{"ride":300}"#).is_err());
 }

@@ -88,7 +88,8 @@ pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
         | Message::Standing(_)
         | Message::Image(_)
         | Message::Fix(_)
-        | Message::Mark(_) => None,
+        | Message::Mark(_)
+        | Message::Look(_) => None,
     }
 }
 

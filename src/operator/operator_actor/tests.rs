@@ -487,6 +487,36 @@ fn it_greets_while_anyone_can_be_reached_and_who_only_looks_says_nothing() {
 }
 
 #[test]
+fn who_wants_looks_says_so_at_once_and_as_long_as_it_wants_them() {
+    let mut operator = ActorCell::new(Operator::new(settings(true)));
+    let mut asks = |now: Time, input: Option<In>| -> Vec<bool> {
+        input.into_iter().for_each(|input| operator.push(input));
+        let mut said = Vec::new();
+        let asks = |out| match out {
+            Out::Publish(Message::Hello(hello)) => said.push(hello.interest == [Interest::Looks]),
+            other => panic!("{other:?}"),
+        };
+        operator.act(now, asks).unwrap();
+        said
+    };
+    assert_eq!(
+        asks(at(0.0), Some(In::Looks(true))),
+        [false; 0],
+        "nobody is reached"
+    );
+    assert_eq!(asks(at(0.5), Some(In::Linked(true))), [true]);
+    assert_eq!(asks(at(0.6), Some(In::Looks(false))), [false]);
+    assert_eq!(
+        asks(at(0.7), Some(In::Looks(false))),
+        [false; 0],
+        "nothing new"
+    );
+    assert_eq!(asks(at(0.8), Some(In::Looks(true))), [true]);
+    assert_eq!(asks(at(2.7), None), [false; 0]);
+    assert_eq!(asks(at(2.8), None), [true]);
+}
+
+#[test]
 fn a_want_that_is_withdrawn_is_over_at_once() {
     let mut world = World::new(vec![]);
     world.tell(In::Want(0, only(Kind::Hold, 1)));

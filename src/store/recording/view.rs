@@ -163,7 +163,8 @@ impl RecordingView {
                 | Message::Task(_)
                 | Message::Image(_)
                 | Message::Fix(_)
-                | Message::Mark(_) => {}
+                | Message::Mark(_)
+                | Message::Look(_) => {}
             }
         }
         for out in &step.outputs {
