@@ -10,6 +10,7 @@ import { LogPanel, zone } from "./log.js";
 import { MarkPanel } from "./marks.js";
 import { Model } from "./model.js";
 import { Orders } from "./orders.js";
+import { Pace, setText } from "./pace.js";
 import { PlanPanel } from "./plan.js";
 import { PreflightPanel } from "./preflight.js";
 import { RadioPanel } from "./radio.js";
@@ -22,6 +23,9 @@ import { SceneView } from "./view.js";
 import { WhyPanel } from "./why.js";
 
 const AGES_EVERY_MS = 250;
+/** Between two drawings of the scene, and of the table of vehicles, that nothing but new data asks for. */
+const SCENE_EVERY_MS = 80;
+const FLEET_EVERY_MS = 200;
 const STALE_MS = 3000;
 /** What comes anew is drawn when all of it is there, or after this time. */
 const FILLS_WITHIN_MS = 1000;
@@ -50,6 +54,7 @@ let filledBy_ms = 0;
 let needsPanel = true;
 let isWanted = false;
 let needsScene = true;
+let needsFleet = true;
 let needsImage = true;
 /** Since when the page is seen: while it is not, nothing comes. */
 let seenSince_ms = 0;
@@ -76,6 +81,8 @@ image.wanted = () => { needsImage = true; needsScene = true; wantFrame(); };
 const wantPanel = () => { needsPanel = true; wantFrame(); };
 for (const { panel } of Object.values(panels)) panel.wanted = wantPanel;
 const tabs = new Tabs(wantPanel);
+const scenePace = new Pace(SCENE_EVERY_MS, () => { needsScene = true; wantFrame(); });
+const fleetPace = new Pace(FLEET_EVERY_MS, () => { needsFleet = true; wantFrame(); });
 addEventListener("theme", () => { needsScene = true; wantPanel(); });
 addEventListener("resize", wantPanel);
 document.getElementById("log-zone").textContent = `local time, ${zone()}`;
@@ -100,13 +107,24 @@ function draw() {
   if (changed.has("orders") || changed.has("welcome") || changed.has("vehicle")) orders.show();
   if (changed.has("image") || changed.has("finds") || needsImage) image.draw();
   drawPanel(now_ms);
-  if (changed.size > 0 || needsScene) view.draw(now_ms);
-  if (changed.size > 0) fleet.show(now_ms);
+  if (needsFleet || (changed.size > 0 && fleetPace.isDue())) showFleet(now_ms);
+  if (needsScene || (changed.size > 0 && scenePace.isDue())) drawScene(now_ms);
   changed.clear();
-  [needsScene, needsImage, needsPanel] = [false, false, false];
-  showHead();
+  [needsScene, needsImage, needsPanel, needsFleet] = [false, false, false, false];
   rideAlong();
   feed.drawn();
+}
+
+/** What comes is drawn a dozen times a second; whoever moves the view sees it at once. */
+function drawScene(now_ms) {
+  view.draw(now_ms);
+  scenePace.drawn();
+}
+
+function showFleet(now_ms) {
+  fleet.show(now_ms);
+  showHead();
+  fleetPace.drawn();
 }
 
 /** What the range sensors hear is asked for while somebody looks. */
@@ -171,20 +189,19 @@ function showHead() {
   showLost(isLost(now_ms));
   document.documentElement.classList.toggle("stale", isStale);
   const age = document.getElementById("age");
-  age.textContent = ageText(isStale, age_ms);
+  setText(age, ageText(isStale, age_ms));
   const ground = model.ground;
-  document.getElementById("run").textContent = ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station";
+  setText(document.getElementById("run"), ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station");
   let count = ground?.isHeard ? ground.troubles.length : 0;
   for (const vehicle of model.vehicles.values()) count += vehicle.health?.troubles.length ?? 0;
-  document.getElementById("troubles").textContent = count === 0 ? "no troubles" : `${count} troubles`;
+  setText(document.getElementById("troubles"), count === 0 ? "no troubles" : `${count} troubles`);
 }
 
 setInterval(() => {
   if (document.hidden) return;
   if (isFilling()) return;
   const now_ms = model.clock_ms(performance.now());
-  fleet.show(now_ms);
-  showHead();
+  showFleet(now_ms);
   const isAnySilent = [...model.states.keys()].some((id) => model.isSilent(id, now_ms));
   if (isAnySilent) scene.wanted();
   if (tabs.current === "radio" && model.pairs.size > 0) wantPanel();

@@ -1,5 +1,6 @@
 // Cutting motors, apart from all other orders: who falls is said by number, and never by what is selected.
 
+import { setText } from "./pace.js";
 import { post, say } from "./stop.js";
 
 const HELD_MS = 1500;
@@ -33,9 +34,9 @@ export class CutMotors {
     const { ids, why } = this.typed();
     const hasSeat = this.orders.hasSeat();
     this.button.disabled = !hasSeat || !ids;
-    this.button.textContent = ids ? `Cut the motors of ${ids.join(", ")}: hold` : "Cut the motors";
+    setText(this.button, ids ? `Cut the motors of ${ids.join(", ")}: hold` : "Cut the motors");
     const words = hasSeat ? why ?? "Hold the button for one and a half seconds." : "This page has not the seat.";
-    if (this.hint.textContent !== words) this.hint.textContent = words;
+    setText(this.hint, words);
   }
 
   clear() {

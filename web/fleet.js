@@ -1,5 +1,6 @@
 // The table of vehicles, the ground station, and which vehicles are selected. Texts of nodes are set as text only.
 
+import { setText } from "./pace.js";
 import { say } from "./stop.js";
 
 const TYPED_WITHIN_MS = 800;
@@ -101,7 +102,7 @@ export class Fleet {
     ];
     texts.forEach((text, column) => {
       const cell = row.children[column];
-      if (cell.textContent !== text) cell.textContent = text;
+      setText(cell, text);
     });
     const [red, green, blue] = this.model.colourOf(id);
     row.children[0].style.borderLeftColor = `rgb(${red}, ${green}, ${blue})`;
@@ -123,7 +124,7 @@ export class Fleet {
     const ground = this.model.ground;
     const box = document.getElementById("ground");
     if (!ground?.isHeard) {
-      box.textContent = "ground station: not heard";
+      setText(box, "ground station: not heard");
       return;
     }
     const age_s = (now_ms - ground.at_ms) / 1000;
@@ -134,7 +135,7 @@ export class Fleet {
       ground.lost.length ? `lost: ${ground.lost.join(", ")}` : "",
       ground.troubles.join("; "),
     ];
-    box.textContent = parts.filter(Boolean).join(" · ");
+    setText(box, parts.filter(Boolean).join(" · "));
     box.classList.toggle("silent", age_s > 5);
   }
 }

@@ -212,7 +212,7 @@ export class Layers {
         const way = [plan.start, ...plan.stops.flatMap((stop) => [...stop.route, stop.at])];
         return [line(way.map(([x, y]) => [x, y, Z.plan]), colour, 0.5)];
       });
-      const leg = vehicle?.leg ?? [];
+      const leg = model.legOf(id);
       this.layer(`leg ${id}`, hasPlans && leg.length > 1, this.width + JSON.stringify(leg), () => [ribbon(leg.map(([x, y]) => [x, y, Z.plan]), colour, this.width)]);
     }
     const known = new Set(ids.map(String));

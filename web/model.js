@@ -232,6 +232,12 @@ export class Model {
     this.changed.add(names[0].toLowerCase());
   }
 
+  /** The way that a vehicle is committed to, from where it is; empty = none. */
+  legOf(id) {
+    const [state, ahead] = [this.states.get(id), this.vehicles.get(id)?.leg];
+    return state && ahead ? [[state.x, state.y], ...ahead] : [];
+  }
+
   /** Numbers of all vehicles, ascending. */
   ids() {
     return [...new Set([...this.states.keys(), ...this.vehicles.keys()])].sort((a, b) => a - b);

@@ -1,6 +1,7 @@
 // What makes vehicles move: buttons that are held for a second, the seat, and how orders fared.
 
 import { CutMotors } from "./cut.js";
+import { setText } from "./pace.js";
 import { post, say } from "./stop.js";
 
 const HELD_MS = 1000;
@@ -72,15 +73,15 @@ export class Orders {
     const whom = ids.length ? ids.join(", ") : `all (${this.model.ids().join(", ") || "none heard"})`;
     for (const [id, word] of [["start", "Start"], ["return", "Return"], ["land", "Land"]]) {
       const button = document.getElementById(id);
-      button.textContent = `${word} ${whom}`;
+      setText(button, `${word} ${whom}`);
       button.disabled = !this.hasSeat();
       button.title = this.hasSeat() ? "hold for a second" : "this page has not the seat";
     }
     const begin = document.getElementById("begin-mission");
-    begin.textContent = `Begin with ${whom}: hold for a second`;
+    setText(begin, `Begin with ${whom}: hold for a second`);
     begin.disabled = !this.hasSeat();
     this.cut.show();
-    document.getElementById("hold").textContent = `Hold ${ids.length ? ids.join(", ") : "all"} (H)`;
+    setText(document.getElementById("hold"), `Hold ${ids.length ? ids.join(", ") : "all"} (H)`);
   }
 
   show() {
@@ -89,7 +90,8 @@ export class Orders {
     const seat = document.getElementById("take-seat");
     const mayOrder = place?.mayOrder === true;
     seat.disabled = !mayOrder || this.hasSeat();
-    seat.textContent = this.hasSeat() ? "This page has the seat" : orders.seat === null ? "Take the seat" : `Take over the seat from page ${orders.seat}`;
+    const word = this.hasSeat() ? "This page has the seat" : orders.seat === null ? "Take the seat" : `Take over the seat from page ${orders.seat}`;
+    setText(seat, word);
     document.getElementById("seat").textContent =
       orders.seat === null ? "seat: free" : this.hasSeat() ? "seat: this page" : `seat: page ${orders.seat}`;
     if (this.model.isPresent()) this.showLink(orders.isLinked);
@@ -118,6 +120,9 @@ export class Orders {
 
   fill(id, lines) {
     const list = document.getElementById(id);
+    const key = JSON.stringify(lines);
+    if (list.dataset.lines === key) return;
+    list.dataset.lines = key;
     const items = lines.map(([text, kind]) => {
       const item = document.createElement("li");
       item.textContent = text;

@@ -376,10 +376,11 @@ export class Scene {
         }
         pen.setLineDash([]);
       }
-      if (vehicle?.leg) {
+      const leg = this.model.legOf(id);
+      if (leg.length > 1) {
         pen.strokeStyle = css(colour, 1);
         pen.lineWidth = 2.5;
-        this.path(pen, vehicle.leg, false);
+        this.path(pen, leg, false);
       }
     }
   }

@@ -118,12 +118,16 @@ export class TimeBar {
     }
     const at_s = isPresent ? moment.to_s : this.at_s();
     const to_s = Math.max(moment.to_s, at_s);
+    const isPlaying = this.isPlaying();
+    const shown = [at_s, moment.from_s, to_s, isPresent, isPlaying, model.place?.showing, this.asked_s].join();
+    if (shown === this.shownKey) return;
+    this.shownKey = shown;
     [this.bar.min, this.bar.max] = [String(moment.from_s), String(to_s)];
     if (document.activeElement !== this.bar || this.asked_s === null) this.bar.value = String(at_s);
     const text = `${clock(at_s - moment.from_s)} of ${clock(to_s - moment.from_s)}`;
     this.bar.setAttribute("aria-valuetext", isPresent ? `now, ${text}` : text);
     document.getElementById("time-text").textContent = text;
-    this.play.textContent = isPresent || this.isPlaying() ? "❚❚ Pause" : "▶ Play";
+    this.play.textContent = isPresent || isPlaying ? "❚❚ Pause" : "▶ Play";
     document.getElementById("time-present").disabled = isPresent;
     document.getElementById("time-present").textContent = model.place?.showing === "REPLAY" ? "End (N)" : "Now (N)";
     const key = `${model.markers.length} ${moment.from_s} ${to_s}`;

@@ -22,7 +22,7 @@ use super::marks::{MarkBook, MarkOrder, in_metres};
 use super::newest_image::NewestImage;
 use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
-use super::texts::outcome_in_words;
+use super::texts::{corners_ahead, outcome_in_words};
 use super::timetable::{ProgressOf, Timetable};
 use super::track::Track;
 use crate::geom::Lattice;
@@ -410,7 +410,7 @@ impl Board {
                 let is_same = known.is_some_and(|known| {
                     (known.boot, known.ordered, known.accepted, known.control)
                         == (state.boot, state.ordered, state.accepted, state.control)
-                        && known.leg == state.leg
+                        && corners_ahead(known) == corners_ahead(state)
                 });
                 if !is_same {
                     self.changes.insert(Subject::Vehicle(state.vehicle));

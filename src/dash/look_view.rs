@@ -42,8 +42,7 @@ impl LookView {
         let heard = look.readings.iter();
         self.readings
             .extend(heard.map(|reading| (taken_at(reading), *reading)));
-        let is_old = |at: Time| now.since(at) > SHOWN_FOR;
-        self.readings.retain(|(at, _)| !is_old(*at));
+        self.readings.retain(|(at, _)| is_shown(now, *at));
         let more = self.readings.len().saturating_sub(READINGS_MAX);
         self.readings.drain(..more);
     }
@@ -59,14 +58,19 @@ impl LookView {
             let [x_m, y_m, z_m] = [of.at.x_m(), of.at.y_m(), of.at.z_m()];
             json!([x_m, y_m, z_m, toward_rad, range_m, age_s, of.is_suspect])
         };
+        let shown = self.readings.iter().filter(|(at, _)| is_shown(now, *at));
         let text = json!({
             "id": id.0,
             "halfAngle_rad": thousandths(self.half_angle_rad),
             "maxRange_m": self.max_range_m,
-            "readings": self.readings.iter().map(reading).collect::<Vec<Value>>(),
+            "readings": shown.map(reading).collect::<Vec<Value>>(),
         });
         text.to_string()
     }
+}
+
+fn is_shown(now: Time, taken_at: Time) -> bool {
+    now.since(taken_at) <= SHOWN_FOR
 }
 
 #[cfg(test)]
@@ -94,6 +98,8 @@ mod tests {
     fn readings_are_shown_with_their_ages_until_they_are_old() {
         let at = Time::from_secs_f64;
         let mut view = LookView::new(at(10.0), &look(1, 300));
+        let late: Value = serde_json::from_str(&view.text(at(11.8), VehicleId(3))).unwrap();
+        assert_eq!(late["readings"], json!([]));
         let expected = r#"{"halfAngle_rad":0.25,"id":3,"maxRange_m":4.0,"readings":[[1.0,2.0,0.0,0.5,0.0,0.8,false]]}"#;
         let text: Value = serde_json::from_str(&view.text(at(10.5), VehicleId(3))).unwrap();
         assert_eq!(text, serde_json::from_str::<Value>(expected).unwrap());

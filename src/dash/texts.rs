@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::{
-    Covariance, EmergencyStop, Find, Image, ImageSubject, Plan, Position, StopId, StopScope,
+    Covariance, EmergencyStop, Find, Image, ImageSubject, Plan, Position, State, StopId, StopScope,
     VehicleId,
 };
 
@@ -197,11 +197,18 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
         "revision": state.map(|state| state.accepted.1.0),
         "ordered": state.map(|state| ordered(state.ordered)),
         "control": state.map(|state| control(state.control)),
-        "leg": state.and_then(|state| state.leg.as_ref()).map(|leg| route(&leg.route)),
+        "leg": state.and_then(corners_ahead).map(route),
         "mission": mission,
         "health": health,
     });
     Some(text.to_string())
+}
+
+/// Returns the corners of the way that a vehicle is committed to, without the first: that is where it is, which its records say ten
+/// times a second.
+pub fn corners_ahead(state: &State) -> Option<&[Position]> {
+    let leg = state.leg.as_ref()?;
+    Some(leg.route.get(1..).unwrap_or_default())
 }
 
 /// Returns the plan of a vehicle.

@@ -78,6 +78,11 @@ impl Browser {
         Some(browser)
     }
 
+    /// Returns the number of its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     fn attach(&mut self, width: u32, height: u32) {
         let target =
             self.ask("Target.createTarget", json!({"url": "about:blank"}))["targetId"].clone();

@@ -38,6 +38,8 @@ mod page_cut;
 #[cfg(feature = "dash")]
 mod page_export;
 #[cfg(feature = "dash")]
+mod page_figures;
+#[cfg(feature = "dash")]
 mod page_hands;
 #[cfg(feature = "dash")]
 mod page_marks;

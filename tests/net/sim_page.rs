@@ -35,7 +35,8 @@ impl SimulationWithPage {
         SimulationWithPage::of(CONFIG, folder, options)
     }
 
-    fn of(config: &str, folder: &Path, options: &[&str]) -> SimulationWithPage {
+    /// Starts one of a file.
+    pub fn of(config: &str, folder: &Path, options: &[&str]) -> SimulationWithPage {
         let mut command = simulate_config(config, folder, &["--dash", "--port", "0"]);
         let mut child = command
             .args(options)
@@ -49,6 +50,11 @@ impl SimulationWithPage {
         assert!(link.contains("/#look="), "{line}");
         let dash = Dash::at(link);
         SimulationWithPage { child, out, dash }
+    }
+
+    /// Returns the number of its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Waits until the run has been written.

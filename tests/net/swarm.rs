@@ -543,6 +543,11 @@ impl Swarm {
         self.processes.insert(name.to_owned(), node);
     }
 
+    /// Returns the number of a process.
+    pub fn process_id(&self, name: &str) -> u32 {
+        self.processes[name].child.as_ref().unwrap().id()
+    }
+
     fn spawn_node(&mut self, node: Sender) {
         let name = Swarm::name(node);
         let (command, options) = match node {

@@ -73,7 +73,7 @@ pub enum Control {
 /// The route that a vehicle is committed to: from where it stands or stood, to where it may end.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct LegReport {
-    /// Corners of the route, the first where the leg began.
+    /// Corners of the route, the first where it is.
     pub route: Vec<Position>,
 }
 

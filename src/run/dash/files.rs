@@ -22,7 +22,7 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILE_COUNT: usize = 36;
+const FILE_COUNT: usize = 37;
 const FILES: [PageFile; FILE_COUNT] = [
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
@@ -45,6 +45,7 @@ const FILES: [PageFile; FILE_COUNT] = [
     file("marks.js", include_bytes!("../../../web/marks.js")),
     file("model.js", include_bytes!("../../../web/model.js")),
     file("orders.js", include_bytes!("../../../web/orders.js")),
+    file("pace.js", include_bytes!("../../../web/pace.js")),
     file("plan.js", include_bytes!("../../../web/plan.js")),
     file("preflight.js", include_bytes!("../../../web/preflight.js")),
     file("radio.js", include_bytes!("../../../web/radio.js")),

@@ -1,0 +1,27 @@
+// How often something is drawn of which new data comes faster than anybody reads.
+
+export class Pace {
+  /** `again` is told when what was put off is due. */
+  constructor(every_ms, again) {
+    Object.assign(this, { every_ms, again, drawn_ms: -Infinity, timer: 0 });
+  }
+
+  /** Whether it may be drawn now; if not, `again` is told as soon as it may. */
+  isDue() {
+    const left_ms = this.drawn_ms + this.every_ms - performance.now();
+    if (left_ms <= 0) return true;
+    if (this.timer === 0) this.timer = setTimeout(() => { this.timer = 0; this.again(); }, left_ms);
+    return false;
+  }
+
+  /** It was drawn. */
+  drawn() {
+    clearTimeout(this.timer);
+    [this.timer, this.drawn_ms] = [0, performance.now()];
+  }
+}
+
+/** Shows a text; one that is shown already costs nothing. */
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
