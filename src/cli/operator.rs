@@ -96,7 +96,8 @@ impl OperatorContext {
         let settings = self
             .operator(greets)
             .map_err(|error| CliError::Fault(error.to_string()))?;
-        let session = Session::open(self.settings.clone()).map_err(|error| match error {
+        let opened = Session::open(self.settings.clone(), self.venue.hash());
+        let session = opened.map_err(|error| match error {
             BusError::Settings { .. } => CliError::Usage(error.to_string()),
             BusError::Listen { .. } | BusError::Thread(_) => CliError::Swarm(error.to_string()),
         })?;

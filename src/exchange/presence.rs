@@ -1,7 +1,10 @@
 //! Whether a node takes part in the bus: who of the others is heard, what may be said, and when it greets. The rules of
 //! joining are [`Joining`]'s; an operator's tool, which joins nothing, listens to everyone.
 
-use tomoswarm_proto::{Hello, Message, MessageKind, OpenStops};
+use std::collections::BTreeSet;
+
+use tomoswarm_proto::codec::VERSION;
+use tomoswarm_proto::{Hello, Message, MessageKind, OpenStops, Sender};
 
 use super::ingress::HeardMessage;
 use super::joining::{JoinEffect, Joining};
@@ -16,6 +19,10 @@ pub enum Presence {
     Listener {
         /// Whether it may say anything but greetings.
         may_speak: bool,
+        /// The hash of its venue file; `None` = it has none, and nobody is a stranger.
+        venue_hash: Option<u64>,
+        /// Who greeted last with another venue file, or in another version: nobody has lifted a stop because they say so.
+        strangers: BTreeSet<Sender>,
     },
 }
 
@@ -38,7 +45,20 @@ impl Presence {
 
     /// Makes the presence of a tool that listens and says nothing yet.
     pub fn listening() -> Presence {
-        Presence::Listener { may_speak: false }
+        Presence::Listener {
+            may_speak: false,
+            venue_hash: None,
+            strangers: BTreeSet::new(),
+        }
+    }
+
+    /// Makes that of a tool with a venue file, by its hash: it hears everyone, but that a stop is lifted from its own alone.
+    pub fn listening_at(venue_hash: u64) -> Presence {
+        Presence::Listener {
+            may_speak: false,
+            venue_hash: Some(venue_hash),
+            strangers: BTreeSet::new(),
+        }
     }
 
     /// Returns whether it is that of a node; a tool listens only.
@@ -56,8 +76,13 @@ impl Presence {
             verdict: JoinEffect::Fine,
             answer: None,
         };
-        let Presence::Node(joining) = self else {
-            return fine(Some(heard));
+        let joining = match self {
+            Presence::Node(joining) => joining,
+            Presence::Listener {
+                venue_hash,
+                strangers,
+                ..
+            } => return fine(heard_by_tool(*venue_hash, strangers, heard)),
         };
         match heard {
             HeardMessage::Message(sender, message) => {
@@ -113,7 +138,7 @@ impl Presence {
     pub fn speak(&mut self) {
         match self {
             Presence::Node(_) => {}
-            Presence::Listener { may_speak } => *may_speak = true,
+            Presence::Listener { may_speak, .. } => *may_speak = true,
         }
     }
 
@@ -121,13 +146,37 @@ impl Presence {
     pub fn is_member(&self) -> bool {
         match self {
             Presence::Node(joining) => joining.is_member(),
-            Presence::Listener { may_speak } => *may_speak,
+            Presence::Listener { may_speak, .. } => *may_speak,
         }
     }
 
     /// Returns whether messages of a kind may be said: greetings, and which emergency stops are open, always are.
     pub fn may_say(&self, kind: MessageKind) -> bool {
         matches!(kind, MessageKind::Hello | MessageKind::Standing) || self.is_member()
+    }
+}
+
+/// Returns what a tool with a venue file hears, and notes who is a stranger to it.
+fn heard_by_tool(
+    venue_hash: Option<u64>,
+    strangers: &mut BTreeSet<Sender>,
+    heard: HeardMessage,
+) -> Option<HeardMessage> {
+    match heard {
+        HeardMessage::Greeting(greeting, _) => {
+            let is_ours = venue_hash.is_none_or(|own| own == greeting.venue_hash);
+            match is_ours && greeting.version == VERSION {
+                true => strangers.remove(&greeting.node),
+                false => strangers.insert(greeting.node),
+            };
+            Some(heard)
+        }
+        HeardMessage::Message(sender, message @ Message::Standing(_))
+            if strangers.contains(&sender) =>
+        {
+            of_stranger(message).map(|message| HeardMessage::Message(sender, message))
+        }
+        HeardMessage::Message(..) | HeardMessage::Unknown(_) => Some(heard),
     }
 }
 

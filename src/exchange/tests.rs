@@ -539,6 +539,65 @@ fn a_number_far_above_all_others_is_refused_by_nodes_and_shown_by_tools() {
 }
 
 #[test]
+fn a_tool_believes_that_a_stop_is_lifted_by_those_of_its_venue_alone() {
+    let stop = EmergencyStop {
+        name: EmergencyName(77_777),
+        scope: StopScope::All,
+        by: OperatorId(1),
+    };
+    let said = |open: &[EmergencyStop], lifted: &[EmergencyName]| {
+        let standing = OpenStops {
+            open: open.to_vec(),
+            lifted: lifted.to_vec(),
+        };
+        encode(&Message::Standing(standing)).unwrap()
+    };
+    let lifted = said(&[], &[stop.name]);
+    let both = said(&[stop], &[EmergencyName(88_888)]);
+    let mut tool = Exchange::new(BYTES_PER_S, Presence::listening_at(VENUE));
+    let hears = |tool: &mut Exchange, frame: &[u8]| -> Option<(usize, usize)> {
+        match tool.hear(Time::ZERO, TWO, frame).unwrap().heard? {
+            HeardMessage::Message(_, Message::Standing(said)) => {
+                Some((said.open.len(), said.lifted.len()))
+            }
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(
+        hears(&mut tool, &lifted),
+        Some((0, 1)),
+        "nobody has greeted"
+    );
+    let greeting = |venue_hash| {
+        let hello = Hello::asking(TWO, Boot(1), venue_hash, 7);
+        encode(&Message::Hello(hello)).unwrap()
+    };
+    tool.hear(Time::ZERO, TWO, &greeting(VENUE + 1)).unwrap();
+    assert_eq!(hears(&mut tool, &lifted), None);
+    assert_eq!(
+        hears(&mut tool, &both),
+        Some((1, 0)),
+        "whoever stops is believed"
+    );
+    assert!(
+        tool.hear(Time::ZERO, TWO, &encode(&progress(2, 1)).unwrap())
+            .unwrap()
+            .heard
+            .is_some()
+    );
+    tool.hear(Time::ZERO, TWO, &greeting(VENUE)).unwrap();
+    assert_eq!(
+        hears(&mut tool, &both),
+        Some((1, 1)),
+        "it has another file now"
+    );
+    let mut newer = greeting(VENUE);
+    newer[2] = VERSION + 1;
+    tool.hear(Time::ZERO, TWO, &newer).unwrap();
+    assert_eq!(hears(&mut tool, &lifted), None, "a wire of another version");
+}
+
+#[test]
 fn what_a_node_says_itself_is_not_too_far_above_what_it_has_heard() {
     let mut swarm = Swarm::default();
     let two = swarm.join(TWO, 1, VENUE);

@@ -9,6 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::clock::Clock;
 use super::mailbox::Troubles;
+use crate::exchange::presence::Presence;
 use crate::time::Time;
 
 /// Messages that may wait to be read.
@@ -42,11 +43,11 @@ pub struct Session {
 }
 
 impl Session {
-    /// Joins the bus.
+    /// Joins the bus with a venue file, by its hash.
     ///
     /// # Errors
     /// The settings cannot be used, or it cannot listen.
-    pub fn open(settings: BusSettings) -> Result<Session, BusError> {
+    pub fn open(settings: BusSettings, venue_hash: u64) -> Result<Session, BusError> {
         let (clock, troubles, dropped) = (
             Clock::start(),
             Troubles::default(),
@@ -59,12 +60,14 @@ impl Session {
         let (say, heard) = sync_channel(WAITING);
         let of_ear = dropped.clone();
         let waker = SessionWaker(SyncSender::clone(&say));
-        let hear = move |what| {
+        let hear = move |what: HeardMessage| {
             if say.try_send(Some((clock.now(), what))).is_err() {
                 of_ear.fetch_add(1, Ordering::Relaxed);
             }
         };
-        let bus = BusSession::open(settings, clock, troubles.clone(), hear)?;
+        let presence = Presence::listening_at(venue_hash);
+        let hear_all = move |heard: Option<HeardMessage>, _| heard.into_iter().for_each(&hear);
+        let bus = BusSession::join(settings, presence, clock, troubles.clone(), hear_all)?;
         let publisher = bus.publisher();
         publisher.speak();
         Ok(Session {
