@@ -31,6 +31,8 @@ export class CutMotors {
   }
 
   show() {
+    // Who looks back comes to another now.
+    if (!this.orders.model.isPresent()) this.input.value = "";
     const { ids, why } = this.typed();
     const hasSeat = this.orders.hasSeat();
     this.button.disabled = !hasSeat || !ids;

@@ -20,6 +20,8 @@ const WALLS_MOST = 60000;
 const LARGER_PER_M = 0.06;
 /** What was heard longer ago is not shown. */
 const LOOK_LASTS_MS = 2000;
+/** Where a reading has its age, in seconds. */
+const AGE = 5;
 const TRUTH = 0xa03cc8;
 const FIND = 0x0a7a3a;
 /**
@@ -302,7 +304,9 @@ export class Layers {
   /** What the sensors of a vehicle heard, unless that is long ago. */
   lookOf(id, now_ms) {
     const look = this.model.looks.get(id);
-    return look && now_ms - look.at_ms < LOOK_LASTS_MS ? look : null;
+    if (!look || now_ms - look.at_ms >= LOOK_LASTS_MS) return null;
+    const readings = look.readings.filter((reading) => reading[AGE] * 1000 + now_ms - look.at_ms < LOOK_LASTS_MS);
+    return { ...look, readings };
   }
 
   showVehicles(now_ms, riding, camera) {
@@ -314,7 +318,7 @@ export class Layers {
       const colour = isSilent ? [138, 138, 138] : this.model.colourOf(state.id);
       const look = isRidden ? this.lookOf(state.id, now_ms) : null;
       // Only the cones of a ride follow what is heard, or the map.
-      const version = look ? look.at_ms : isRidden ? this.plane.map.version : "";
+      const version = look ? `${look.at_ms} ${look.readings.length}` : isRidden ? this.plane.map.version : "";
       const key = [state.x, state.y, state.z, state.heading, state.sd, state.standsUnder, colour, isRidden, version].join();
       const of = { state, colour, isRidden, look, sensors: this.model.place.sensors, cellWord: (x, y) => this.plane.cellWord(x, y) };
       this.layer(`vehicle ${state.id}`, true, key, () => vehicleParts(of));

@@ -119,7 +119,7 @@ export class TimeBar {
     const at_s = isPresent ? moment.to_s : this.at_s();
     const to_s = Math.max(moment.to_s, at_s);
     const isPlaying = this.isPlaying();
-    const shown = [at_s, moment.from_s, to_s, isPresent, isPlaying, model.place?.showing, this.asked_s].join();
+    const shown = [model.markers.length, at_s, moment.from_s, to_s, isPresent, isPlaying, model.place?.showing, this.asked_s].join();
     if (shown === this.shownKey) return;
     this.shownKey = shown;
     [this.bar.min, this.bar.max] = [String(moment.from_s), String(to_s)];

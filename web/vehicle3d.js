@@ -1,6 +1,6 @@
 // A vehicle in three dimensions: its body, how sure its place is, and with whom one rides also the cones of its range sensors: those
-// of its last readings, where it says them. In a simulation or a recording nobody does: there a cone reaches as far as the merged map
-// is not occupied along its axis, which is where an echo would come from, by the map.
+// of its last readings, where it says them. In a simulation nobody does: there a cone reaches as far as the merged map is not occupied
+// along its axis, which is where an echo would come from, by the map.
 
 import { BoxGeometry, BufferGeometry, ConeGeometry, DoubleSide, Float32BufferAttribute, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, MeshLambertMaterial } from "./vendor/three.js";
 
@@ -50,7 +50,7 @@ function heardCones({ readings, halfAngle_rad, maxRange_m }, height_m, echoes) {
     free.push(...sector({ x, y, z }, of, towards, 0, range_m));
     if (echo_m === null) continue;
     (isSuspect ? doubtful : hits).push(...sector({ x, y, z }, of, towards, Math.max(0, range_m - 0.06), range_m + 0.02));
-    const at = [x + range_m * Math.cos(towards), y + range_m * Math.sin(towards), height_m + 0.25];
+    const at = [x + range_m * Math.cos(towards), y + range_m * Math.sin(towards), z + height_m + 0.25];
     echoes.push({ text: `${range_m.toFixed(1)} m${isSuspect ? " ?" : ""}`, at, range_m });
   }
   nearest(echoes);
@@ -70,7 +70,7 @@ function cones(state, sensors, cellWord, echoes) {
     free.push(...sector(state, sensors, towards, 0, range_m));
     if (!isEcho) continue;
     hits.push(...sector(state, sensors, towards, Math.max(0, range_m - 0.06), range_m + 0.02));
-    const at = [state.x + range_m * Math.cos(towards), state.y + range_m * Math.sin(towards), sensors.height_m + 0.25];
+    const at = [state.x + range_m * Math.cos(towards), state.y + range_m * Math.sin(towards), state.z + sensors.height_m + 0.25];
     echoes.push({ text: `${range_m.toFixed(1)} m`, at, range_m });
   }
   nearest(echoes);

@@ -374,6 +374,7 @@ impl Board {
             + plans
             + places.sum::<usize>()
             + self.events.bytes()
+            + self.looks.values().map(LookView::bytes).sum::<usize>()
             + OTHER_BYTES
     }
 

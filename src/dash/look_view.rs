@@ -47,6 +47,11 @@ impl LookView {
         self.readings.drain(..more);
     }
 
+    /// Returns how many bytes it takes, about.
+    pub fn bytes(&self) -> usize {
+        size_of::<LookView>() + self.readings.len() * size_of::<(Time, LookReading)>()
+    }
+
     /// Returns them as text (JSON), with their ages at a moment: place (x, y, z), direction, range or null, age, and whether it
     /// is suspect; metres, radians and seconds.
     pub fn text(&self, now: Time, id: VehicleId) -> String {

@@ -38,6 +38,9 @@ use crate::tomo::ImagingSettings;
 /// the rest is joined to *many*, which a start does not lift by itself. So is one that is still on its way.
 const SAME_STOP: Duration = Duration::from_secs(8);
 
+/// Between two words to the operator of whether looks are wanted.
+const ASK_EVERY: Duration = Duration::from_secs(1);
+
 /// The farthest moment that can be asked for, seconds; clocks may count from 1970.
 const FARTHEST_S: f64 = 1e10;
 
@@ -104,8 +107,8 @@ pub struct PageServer {
     pages: BTreeMap<PageId, Page>,
     last_page: u32,
     seat: Option<PageId>,
-    /// Whether a page rides with a vehicle.
-    are_looks_wanted: bool,
+    /// Whether looks are wanted, as the operator was told last, and when that was.
+    looks_wanted: (bool, Option<Time>),
     /// When it was heard last that no stop for all is open any more.
     lifted: Option<Time>,
     /// The moment that is shown when it is not the present.
@@ -141,7 +144,7 @@ impl PageServer {
             pages: BTreeMap::new(),
             last_page: 0,
             seat: None,
-            are_looks_wanted: false,
+            looks_wanted: (false, None),
             lifted: None,
             shown: None,
             is_over: false,
@@ -271,7 +274,6 @@ impl PageServer {
             page.wanted = said.show.or(page.wanted);
             if let Some(vehicle) = said.ride {
                 outbox.ride(Some(VehicleId(vehicle)).filter(|id| id.0 > 0));
-                self.ask_for_looks();
             }
             return Ok(());
         }
@@ -306,7 +308,6 @@ impl PageServer {
     /// Takes that a connection is gone.
     pub fn closed(&mut self, id: PageId) {
         self.pages.remove(&id);
-        self.ask_for_looks();
         self.gate.leave(id);
     }
 
@@ -366,12 +367,15 @@ impl PageServer {
         Ok(number)
     }
 
-    /// Asks vehicles for what they hear while a page rides with one, and no longer.
-    fn ask_for_looks(&mut self) {
+    /// Asks vehicles for what they hear while a page rides with one, and no longer; not at every word of a page, since operators'
+    /// greetings wait for nobody.
+    fn ask_for_looks(&mut self, now: Time, effects: &mut Vec<PageEffect>) {
         let mut open = self.pages.values().filter_map(|page| page.outbox.as_ref());
         let are_wanted = open.any(|outbox| outbox.rides().is_some());
-        if std::mem::replace(&mut self.are_looks_wanted, are_wanted) != are_wanted {
-            self.effects.push(PageEffect::Tell(In::Looks(are_wanted)));
+        let (were_wanted, asked) = self.looks_wanted;
+        if are_wanted != were_wanted && asked.is_none_or(|at| now.since(at) >= ASK_EVERY) {
+            self.looks_wanted = (are_wanted, Some(now));
+            effects.push(PageEffect::Tell(In::Looks(are_wanted)));
         }
     }
 
@@ -420,8 +424,7 @@ impl PageServer {
                 self.pages.remove(id);
             }
         }
-        self.ask_for_looks();
-        effects.append(&mut self.effects);
+        self.ask_for_looks(now, &mut effects);
         effects
     }
 

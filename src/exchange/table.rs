@@ -246,14 +246,15 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         class: Urgency::Normal,
         is_replaced: false,
     },
-    // Said only while an operator asks for it. A late one is of no use, but each has other readings.
+    // Said only while an operator asks for it. A late one is of no use. The ground station makes nothing of it: it hears all
+    // that vehicles say under one key, unknown kinds too.
     MessageRule {
         kind: MessageKind::Look,
-        of_vehicle: OPERATORS,
+        of_vehicle: GROUND,
         of_ground: None,
         of_operator: None,
         class: Urgency::Low,
-        is_replaced: false,
+        is_replaced: true,
     },
 ];
 

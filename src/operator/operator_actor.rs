@@ -567,7 +567,8 @@ impl Actor for Operator {
                     interest.retain(|of| *of != Interest::Looks);
                     // The last of all, so that they stay ascending.
                     interest.extend(are_wanted.then_some(Interest::Looks));
-                    self.greeted = None;
+                    // Nobody waits for what is not wanted any more.
+                    self.greeted = self.greeted.filter(|_| !are_wanted);
                 }
             }
             In::CueDone => {

@@ -464,7 +464,7 @@ mod tests {
     /// Who subscribed to what before there was a table.
     fn subscribers(message: &Message) -> Vec<NodeId> {
         match message {
-            Message::Samples(_) | Message::Health(_) => vec![NodeId::Ground],
+            Message::Samples(_) | Message::Health(_) | Message::Look(_) => vec![NodeId::Ground],
             Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
             Message::Plan(_) | Message::Have(_) | Message::Report(_) => vec![A, B],
             Message::State(_)
@@ -477,7 +477,7 @@ mod tests {
             | Message::Hello(_) => vec![A, B, NodeId::Ground],
             Message::Fix(fix) => vec![NodeId::Vehicle(fix.vehicle)],
             Message::Mark(_) => vec![NodeId::Ground],
-            Message::Beacon(_) | Message::Image(_) | Message::Look(_) => Vec::new(),
+            Message::Beacon(_) | Message::Image(_) => Vec::new(),
         }
     }
 

@@ -306,3 +306,17 @@ fn marks_are_troubles_orders_and_images_and_the_oldest_go_first() {
     assert_eq!(markers.back().unwrap().kind, EventKind::Trouble);
     assert_eq!(markers.front().unwrap().at, at(2.0 + 6.0));
 }
+
+#[test]
+fn of_what_a_vehicle_hears_the_later_look_replaces_the_one_before() {
+    let look = |id| {
+        BoardInput::Heard(heard(Message::Look(tomoswarm_proto::Look {
+            vehicle: VehicleId(id),
+            half_angle: tomoswarm_proto::Heading(2618),
+            max_range_mm: 4000,
+            readings: Vec::new(),
+        })))
+    };
+    assert!(replaced(&look(1)).is_some() && replaced(&look(1)) == replaced(&look(1)));
+    assert!(replaced(&look(1)) != replaced(&look(2)));
+}

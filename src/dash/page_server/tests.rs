@@ -990,5 +990,13 @@ fn looks_are_asked_for_while_a_page_rides_and_shown_to_that_page_alone() {
         [false],
         "nobody rides any more"
     );
+    let mut words = 0;
+    for hundredth in 600..900 {
+        let now = at(f64::from(hundredth) / 100.0);
+        let rides = format!(r#"{{"ride":{}}}"#, hundredth % 2);
+        server.page_said(now, one, &rides).unwrap();
+        words += asked(&server.due(now)).len();
+    }
+    assert!((1..=3).contains(&words), "{words} in three seconds");
     assert!(server.page_said(at(2.3), one, r#"{"ride":300}"#).is_err());
 }

@@ -505,7 +505,7 @@ fn who_wants_looks_says_so_at_once_and_as_long_as_it_wants_them() {
         "nobody is reached"
     );
     assert_eq!(asks(at(0.5), Some(In::Linked(true))), [true]);
-    assert_eq!(asks(at(0.6), Some(In::Looks(false))), [false]);
+    assert_eq!(asks(at(0.6), Some(In::Looks(false))), [false; 0]);
     assert_eq!(
         asks(at(0.7), Some(In::Looks(false))),
         [false; 0],
