@@ -773,11 +773,7 @@ fn the_views_show_radio_plans_and_what_happened() {
 
 /// Begins a mission with a place that is pointed at; before that one with a mistake, which the server refuses.
 fn begin_a_mission(browser: &mut Browser) {
-    hold(browser, "#take-seat", 4000);
-    browser.until(
-        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
-        10,
-    );
+    take_seat(browser);
     view(browser, "begin");
     browser.until(
         "document.getElementById('mission-kind').options.length > 5",
@@ -875,6 +871,29 @@ fn on_a_phone(dash: &Dash) {
     assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
+/// The page of a swarm of two vehicles that has just begun, with the link that may order; `None` where there is no browser.
+pub fn live_page(width: u32, height: u32) -> Option<(Browser, Swarm, Dash)> {
+    let mut browser = Browser::open(width, height)?;
+    let mut swarm = prepared();
+    swarm.run();
+    let dash = Dash::start(&mut swarm);
+    browser.go(&dash.operate);
+    browser.until(
+        "tomoswarm.model.states.size === 2 && tomoswarm.model.ground?.isHeard && tomoswarm.scene.view",
+        60,
+    );
+    Some((browser, swarm, dash))
+}
+
+/// Holds the button until the page has the seat.
+pub fn take_seat(browser: &mut Browser) {
+    hold(browser, "#take-seat", 4000);
+    browser.until(
+        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
+        10,
+    );
+}
+
 /// Presses an element for so long.
 pub fn hold(browser: &mut Browser, selector: &str, hold_ms: u64) {
     browser.pointer("mousePressed", selector);
@@ -893,11 +912,7 @@ fn start_again(browser: &mut Browser, swarm: &Swarm) {
         true,
         "it has not the seat"
     );
-    hold(browser, "#take-seat", 4000);
-    browser.until(
-        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
-        10,
-    );
+    take_seat(browser);
     browser.until(
         "document.getElementById('start').textContent === 'Start 1, 2'",
         5,

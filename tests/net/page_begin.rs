@@ -4,7 +4,7 @@ use serde_json::json;
 use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport};
 
 use crate::browser::Browser;
-use crate::dash::{Dash, every_control_has_a_name, hold, prepared, shot, view};
+use crate::dash::{Dash, every_control_has_a_name, hold, live_page, shot, take_seat, view};
 use crate::swarm::{Swarm, Watch};
 
 fn run(watch: &Watch, run: u32) -> Option<RunReport> {
@@ -32,22 +32,10 @@ fn text_of(browser: &mut Browser, id: &str) -> String {
 
 #[test]
 fn an_empty_sweep_is_begun_and_then_one_that_is_compared_with_it() {
-    let Some(mut browser) = Browser::open(1440, 900) else {
+    let Some((mut browser, swarm, dash)) = live_page(1440, 900) else {
         return;
     };
-    let mut swarm = prepared();
-    swarm.run();
-    let dash = Dash::start(&mut swarm);
-    browser.go(&dash.operate);
-    browser.until(
-        "tomoswarm.model.states.size === 2 && tomoswarm.model.ground?.isHeard",
-        60,
-    );
-    hold(&mut browser, "#take-seat", 4000);
-    browser.until(
-        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
-        10,
-    );
+    take_seat(&mut browser);
     view(&mut browser, "begin");
     assert_eq!(
         browser.eval("document.getElementById('sweep-compared').disabled"),

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use crate::browser::Browser;
-use crate::dash::{Dash, every_control_has_a_name, hold, prepared, shot};
+use crate::dash::{Dash, every_control_has_a_name, hold, live_page, shot, take_seat};
 
 /// Types whose motors are to be cut.
 fn type_numbers(browser: &mut Browser, text: &str) {
@@ -27,28 +27,16 @@ fn offered(browser: &mut Browser) -> (bool, String) {
 
 #[test]
 fn motors_are_cut_of_whoever_is_typed_and_of_nobody_else() {
-    let Some(mut browser) = Browser::open(1440, 900) else {
+    let Some((mut browser, _swarm, dash)) = live_page(1440, 900) else {
         return;
     };
-    let mut swarm = prepared();
-    swarm.run();
-    let dash = Dash::start(&mut swarm);
-    browser.go(&dash.operate);
-    browser.until(
-        "tomoswarm.model.states.size === 2 && tomoswarm.scene.view",
-        60,
-    );
     browser.eval("document.getElementById('cut').open = true; 0");
     every_control_has_a_name(&mut browser);
 
     type_numbers(&mut browser, "2");
     let (may, hint) = offered(&mut browser);
     assert!(!may && hint.contains("not the seat"), "{hint}");
-    hold(&mut browser, "#take-seat", 4000);
-    browser.until(
-        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
-        10,
-    );
+    take_seat(&mut browser);
     // Whoever is selected is not meant.
     hold(&mut browser, "tr[data-vehicle=\"1\"]", 0);
     for (typed, why) in [

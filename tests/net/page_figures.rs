@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::browser::Browser;
-use crate::dash::{Dash, hold, prepared};
+use crate::dash::{Dash, live_page, prepared, take_seat};
 use crate::page_3d::key;
 use crate::sim_page::SimulationWithPage;
 use crate::swarm::Watch;
@@ -231,22 +231,10 @@ fn open_stops(watch: &Watch) -> usize {
 #[test]
 #[ignore = "figures, on a quiet machine"]
 fn stops_by_the_space_key_reach_the_bus() {
-    let Some(mut browser) = Browser::open(1280, 800) else {
+    let Some((mut browser, swarm, dash)) = live_page(1280, 800) else {
         return;
     };
-    let mut swarm = prepared();
-    swarm.run();
-    let dash = Dash::start(&mut swarm);
-    browser.go(&dash.operate);
-    browser.until(
-        "tomoswarm.model.states.size === 2 && tomoswarm.model.ground?.isHeard",
-        60,
-    );
-    hold(&mut browser, "#take-seat", 4000);
-    browser.until(
-        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
-        10,
-    );
+    take_seat(&mut browser);
     let page: Value = browser.eval("tomoswarm.model.place.page");
     let own = format!("127.0.0.1:{}", dash.port);
     let start = json!({"order": "start", "page": page}).to_string();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::browser::Browser;
-use crate::dash::{Dash, hold, prepared};
+use crate::dash::{Dash, prepared, take_seat};
 use crate::swarm::Swarm;
 use crate::websocket::{Incoming, WebSocket, text_message, upgrade};
 
@@ -64,11 +64,7 @@ fn keys_fingers_and_links_do_what_the_page_says() {
     std::thread::sleep(Duration::from_millis(600));
     assert_eq!(press_stop(&mut browser), first, "nobody is reached");
 
-    hold(&mut browser, "#take-seat", 4000);
-    browser.until(
-        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
-        10,
-    );
+    take_seat(&mut browser);
     starts_once_for_each_hold(&mut browser);
     assert_ne!(press_stop(&mut browser), first, "a start came between");
     two_fingers_zoom(&mut browser);

@@ -4,23 +4,14 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use crate::browser::Browser;
-use crate::dash::{Dash, prepared, shot};
+use crate::dash::{live_page, shot};
 use crate::page_3d::{key, until_drawn};
 
 #[test]
 fn who_rides_sees_what_the_sensors_hear_and_they_say_it_to_nobody_else() {
-    let Some(mut browser) = Browser::open(1280, 800) else {
+    let Some((mut browser, swarm, _dash)) = live_page(1280, 800) else {
         return;
     };
-    let mut swarm = prepared();
-    swarm.run();
-    let dash = Dash::start(&mut swarm);
-    browser.go(&dash.look);
-    browser.until(
-        "tomoswarm.model.states.size === 2 && tomoswarm.scene.view",
-        60,
-    );
     std::thread::sleep(Duration::from_secs(3));
     assert_eq!(swarm.look(|watch| watch.looks), 0, "nobody has asked");
     assert_eq!(browser.eval("tomoswarm.model.looks.size"), json!(0));
