@@ -1,4 +1,5 @@
-// How often something is drawn of which new data comes faster than anybody reads.
+// What keeps drawing cheap: how often something is drawn of which new data comes faster than anybody reads, and texts that are
+// written only when they have changed.
 
 export class Pace {
   /** `again` is told when what was put off is due. */

@@ -19,7 +19,7 @@ pub enum Presence {
     Listener {
         /// Whether it may say anything but greetings.
         may_speak: bool,
-        /// The hash of its venue file; `None` = it has none, and nobody is a stranger.
+        /// The hash of its venue file; `None` = it has none, and takes every venue for its own.
         venue_hash: Option<u64>,
         /// Who greeted last with another venue file, or in another version: nobody has lifted a stop because they say so.
         strangers: BTreeSet<Sender>,
@@ -45,18 +45,18 @@ impl Presence {
 
     /// Makes the presence of a tool that listens and says nothing yet.
     pub fn listening() -> Presence {
-        Presence::Listener {
-            may_speak: false,
-            venue_hash: None,
-            strangers: BTreeSet::new(),
-        }
+        Presence::listener(None)
     }
 
     /// Makes that of a tool with a venue file, by its hash: it hears everyone, but that a stop is lifted from its own alone.
     pub fn listening_at(venue_hash: u64) -> Presence {
+        Presence::listener(Some(venue_hash))
+    }
+
+    fn listener(venue_hash: Option<u64>) -> Presence {
         Presence::Listener {
             may_speak: false,
-            venue_hash: Some(venue_hash),
+            venue_hash,
             strangers: BTreeSet::new(),
         }
     }

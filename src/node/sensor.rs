@@ -2,10 +2,9 @@
 //! turns the answer into a scan with pose and direction. Several sensors take turns, so that none hears another's echo;
 //! which one looks along a beam follows from the beam ([`crate::plan::Mounts`]).
 //!
-//! It is told echoes, the vehicle's state, and that an operator looks through its eyes; it says where to steer, when to ping, and
-//! scans, and to whoever asks what they were. It keeps no map and
-//! decides nothing about safety: a reading that looks like a glitch is marked as suspect, not hidden,
-//! since the reflex must see it all the same.
+//! It is told echoes, the vehicle's state, and that an operator looks through its eyes; it says where to steer, when to ping,
+//! scans, and to whoever asks what they were. It keeps no map and decides nothing about safety: a reading that looks like a
+//! glitch is marked as suspect, not hidden, since the reflex must see it all the same.
 //!
 //! A reading that jumped is believed when it is seen again: along its beam at the next look, or along any beam within two
 //! rounds. (Who turns sees a thin thing along another beam each time.)
