@@ -8,41 +8,24 @@
     reason = "no product code"
 )]
 
+#[path = "eight/mod.rs"]
+mod eight;
+
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use tomoswarm::config::{self, bundled};
 use tomoswarm::dash::board::{Board, BoardInput};
 use tomoswarm::dash::history::{HISTORY_BYTES_MAX, History};
 use tomoswarm::dash::playback::Playback;
 use tomoswarm::geom::Lattice;
 use tomoswarm::operator::HeardMessage;
-use tomoswarm::scene::{self, Up};
-use tomoswarm::sim::Scenario;
 use tomoswarm::sim::bus::BusListener;
 use tomoswarm::time::Time;
 use tomoswarm_proto::codec;
 
 const HOURS: f64 = 50.0 / 60.0;
 const MOMENTS: u32 = 200;
-
-/// Eight rovers that sweep the courtyard, as long as is wanted.
-fn scenario(hours: f64) -> Scenario {
-    let mut loader = |name: &str| bundled::load(name);
-    let until_s = format!("until_s = {:.1}", hours * 3600.0);
-    let text = loader(bundled::COURTYARD).expect("bundled");
-    let text = text
-        .replace("count = 2", "count = 8")
-        .replace("until_s = 14400.0", &until_s)
-        .replace("positions = 76", "positions = 76\nlaps = 40");
-    let sim = config::read_sim(bundled::COURTYARD, &text, None, &mut loader)
-        .unwrap_or_else(|problems| panic!("{problems}"));
-    let wrl = sim.scene.wrl.clone().expect("the courtyard has walls");
-    let text = loader(&wrl).expect("bundled");
-    let shapes = scene::read_vrml(&text, &wrl, Up::Z, &mut |_| Err("none".to_owned()));
-    Scenario::new(sim, shapes.expect("a scene").shapes, 1).expect("it is possible")
-}
 
 fn kind(heard: &HeardMessage) -> String {
     match heard {
@@ -56,7 +39,7 @@ fn main() {
         .filter_map(|arg| arg.parse().ok())
         .next()
         .unwrap_or(HOURS);
-    let scenario = scenario(hours);
+    let scenario = eight::scenario(hours * 3600.0);
     let lattice = Lattice::new(scenario.sim().venue.cell_m);
     let board = Board::new(scenario.sim().venue.hash(), lattice);
     let kept = Rc::new(std::cell::RefCell::new((History::default(), board)));

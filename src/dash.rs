@@ -25,6 +25,7 @@ pub mod look_view;
 pub mod marks;
 pub mod metrics;
 pub mod newest_image;
+mod node_settings;
 pub mod orders;
 pub mod outbox;
 pub mod page_server;

@@ -1,8 +1,8 @@
-// What happened, newest first: changes, troubles, orders with their fates, marks; by vehicle and by kind. Texts are set as text only.
+// What happened, newest first: changes, troubles, orders with their fates, marks, lines of nodes' own logs; by vehicle and by kind. Texts are set as text only.
 
 import { timeOfDay } from "./model.js";
 
-const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦", mark: "⌖" };
+const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦", mark: "⌖", note: "–" };
 const SHOWN_MOST = 200;
 
 export class LogPanel {

@@ -165,7 +165,12 @@ export class Model {
   /** Events come once; a new connection brings all that are kept. Those of no live swarm have the run's time. */
   takeEvents(events) {
     for (const event of events) this.events.push({ ...event, at: new Date(this.date_ms(this.shown_ms - event.age_s * 1000)) });
-    this.events = this.events.slice(-EVENTS_MOST);
+    // Lines of logs are many: where they are more than half they go first.
+    for (let more = this.events.length - EVENTS_MOST; more > 0; more--) {
+      const notes = this.events.filter((event) => event.kind === "note").length;
+      const goes = notes > EVENTS_MOST / 2 ? this.events.findIndex((event) => event.kind === "note") : 0;
+      this.events.splice(goes, 1);
+    }
   }
 
   /** A connection begins, perhaps to a server that was started anew. */

@@ -2,13 +2,21 @@
 
 import { imageCanvas } from "./image.js";
 
+/** The settings of a node are asked for this often while they are shown. */
+const LOADS_EVERY_MS = 5000;
+
 export class SettingsPanel {
   constructor(model, scene, token) {
     Object.assign(this, { model, scene, token });
     this.wanted = () => {};
     this.rows = null;
+    this.text = null;
+    this.isUnsaid = false;
+    this.loaded_ms = 0;
     this.find = document.getElementById("settings-find");
     this.find.addEventListener("input", () => this.list());
+    this.of = document.getElementById("settings-of");
+    this.of.addEventListener("change", () => this.load());
     const on = (id, act) => document.getElementById(id).addEventListener("click", act);
     on("save-links", () => this.saveLinks());
     on("save-image", () => this.saveImage());
@@ -23,6 +31,9 @@ export class SettingsPanel {
       this.place = this.model.place;
       this.load();
     }
+    this.offer();
+    // A node may say its settings later, or start with others.
+    if (this.of.value && performance.now() - this.loaded_ms > LOADS_EVERY_MS) this.load();
     const field = document.getElementById("save-run");
     if (field.value === "" && this.model.ground?.run) field.value = String(this.model.ground.run);
     this.showCommand();
@@ -33,10 +44,30 @@ export class SettingsPanel {
     document.getElementById("save-command").textContent = `tomoswarm export STORE --out FOLDER --run ${run}`;
   }
 
+  /** Nodes that have come since; in a simulation all is in one place, and a recording says nothing of it. */
+  offer() {
+    if (!this.model.isLive()) return;
+    const known = new Set([...this.of.options].map((option) => option.value));
+    const nodes = [["ground", "the ground station"], ...this.model.ids().map((id) => [String(id), `vehicle ${id}`])];
+    for (const [value, text] of nodes) {
+      if (known.has(value)) continue;
+      const option = document.createElement("option");
+      Object.assign(option, { value, textContent: text });
+      this.of.append(option);
+    }
+  }
+
   async load() {
-    const answer = await this.ask("settings");
-    if (!answer) return;
-    this.rows = rowsOf(await answer.text());
+    const of = this.of.value;
+    this.loaded_ms = performance.now();
+    const answer = await this.ask(of ? `settings?of=${of}` : "settings", {}, "No settings");
+    // Another node may have been chosen meanwhile.
+    const text = answer ? await answer.text() : "";
+    if (of !== this.of.value || (text === this.text && answer)) return;
+    if (this.isUnsaid && answer) this.say("");
+    this.isUnsaid = !answer;
+    this.text = text;
+    this.rows = rowsOf(text);
     this.list();
   }
 
@@ -48,14 +79,14 @@ export class SettingsPanel {
   }
 
   /** The answer, or null after saying why there is none. */
-  async ask(what, options = {}) {
+  async ask(what, options = {}, otherwise = "Not saved") {
     try {
       const headers = { Authorization: `Bearer ${this.token}` };
       const answer = await fetch(what, { ...options, headers });
       if (answer.ok) return answer;
-      this.say(`Not saved: ${await answer.text()}.`);
+      this.say(`${otherwise}: ${await answer.text()}.`);
     } catch {
-      this.say("Not saved: the server does not answer.");
+      this.say(`${otherwise}: the server does not answer.`);
     }
     return null;
   }

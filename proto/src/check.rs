@@ -4,10 +4,11 @@
 use crate::{
     AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, FIX_AGE_MAX_MS,
     Find, Fix, GroundReport, Have, Heading, Health, Hello, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS,
-    IMAGE_SIDE_MAX, Image, LOOK_READINGS_MAX, Look, LookReading, LostSamples, Mark, Message,
-    MissionEnd, MissionKind, MissionProgress, OpenStops, Order, OrderKind, Permille, Plan,
-    PoseReport, Position, Progress, READING_AGE_MAX_MS, RunReport, Sample, Samples, State, Stop,
-    Task, Tilt, VehicleId, Velocity,
+    IMAGE_SIDE_MAX, Image, LOG_LINE_BYTES_MAX, LOG_LINES_MAX, LOOK_READINGS_MAX, LogLines, Look,
+    LookReading, LostSamples, Mark, Message, MissionEnd, MissionKind, MissionProgress,
+    NodeSettings, OpenStops, Order, OrderKind, Permille, Plan, PoseReport, Position, Progress,
+    READING_AGE_MAX_MS, RunReport, SETTINGS_PART_BYTES_MAX, SETTINGS_PARTS_MAX, Sample, Samples,
+    State, Stop, Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -79,8 +80,27 @@ impl Message {
             Message::Fix(fix) => fix.check(),
             Message::Mark(mark) => mark.check(),
             Message::Look(look) => look.check(),
+            Message::Log(log) => log.check(),
+            Message::Settings(settings) => settings.check(),
         }
     }
+}
+
+/// Returns a text as it is, or what fits into a number of bytes of it, cut between two letters; a cut one ends with "…".
+#[must_use]
+pub fn fitted(mut text: String, most_bytes: usize) -> String {
+    const CUT: char = '…';
+    if text.len() <= most_bytes {
+        return text;
+    }
+    let most = most_bytes.saturating_sub(CUT.len_utf8());
+    let ends = (0..=most).rev();
+    let end = ends.into_iter().find(|end| text.is_char_boundary(*end));
+    text.truncate(end.unwrap_or(0));
+    if most_bytes >= CUT.len_utf8() {
+        text.push(CUT);
+    }
+    text
 }
 
 pub(crate) fn require(holds: bool, expected: &'static str) -> CheckResult {
@@ -177,6 +197,39 @@ impl Look {
         )?;
         self.half_angle.check()?;
         self.readings.iter().try_for_each(LookReading::check)
+    }
+}
+
+impl LogLines {
+    fn check(&self) -> CheckResult {
+        let lines = &self.lines;
+        require(
+            lines.len() <= LOG_LINES_MAX,
+            "a log has at most 16 lines in a message",
+        )?;
+        require(
+            lines.is_sorted_by(|a, b| a.number < b.number),
+            "the lines of a log are ascending, each once",
+        )?;
+        require(
+            lines
+                .iter()
+                .all(|line| line.text.len() <= LOG_LINE_BYTES_MAX),
+            "a line of a log has at most 240 bytes",
+        )
+    }
+}
+
+impl NodeSettings {
+    fn check(&self) -> CheckResult {
+        require(
+            self.part < self.parts && self.parts <= SETTINGS_PARTS_MAX,
+            "settings have 1 to 16 parts",
+        )?;
+        require(
+            self.text.len() <= SETTINGS_PART_BYTES_MAX,
+            "a part of settings has at most 4096 bytes",
+        )
     }
 }
 

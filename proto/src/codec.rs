@@ -177,6 +177,8 @@ fn write_body(message: &Message, frame: &mut Vec<u8>) -> Result<(), EncodeError>
         Message::Fix(fix) => write(fix, frame),
         Message::Mark(mark) => write(mark, frame),
         Message::Look(look) => write(look, frame),
+        Message::Log(log) => write(log, frame),
+        Message::Settings(settings) => write(settings, frame),
     }
 }
 
@@ -201,6 +203,8 @@ fn read_body(kind: MessageKind, body: &[u8]) -> Result<Message, DecodeError> {
         MessageKind::Fix => read(body).map(Message::Fix),
         MessageKind::Mark => read(body).map(Message::Mark),
         MessageKind::Look => read(body).map(Message::Look),
+        MessageKind::Log => read(body).map(Message::Log),
+        MessageKind::Settings => read(body).map(Message::Settings),
     }
 }
 

@@ -98,7 +98,9 @@ impl Topic {
             | Message::Health(_)
             | Message::Report(_)
             | Message::Standing(_)
-            | Message::Look(_) => MessageSubject::Whole,
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => MessageSubject::Whole,
         };
         Topic {
             kind: message.kind(),

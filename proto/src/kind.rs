@@ -27,11 +27,13 @@ pub enum MessageKind {
     Fix = 16,
     Mark = 17,
     Look = 18,
+    Log = 19,
+    Settings = 20,
 }
 
 impl MessageKind {
     /// All kinds, in the order of their numbers.
-    pub const ALL: [MessageKind; 19] = [
+    pub const ALL: [MessageKind; 21] = [
         MessageKind::Hello,
         MessageKind::State,
         MessageKind::Tile,
@@ -51,6 +53,8 @@ impl MessageKind {
         MessageKind::Fix,
         MessageKind::Mark,
         MessageKind::Look,
+        MessageKind::Log,
+        MessageKind::Settings,
     ];
 
     /// Returns the number in a frame's header.
@@ -85,6 +89,8 @@ impl MessageKind {
             MessageKind::Fix => "fix",
             MessageKind::Mark => "mark",
             MessageKind::Look => "look",
+            MessageKind::Log => "log",
+            MessageKind::Settings => "settings",
         }
     }
 }

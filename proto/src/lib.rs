@@ -21,6 +21,7 @@ mod message;
 mod units;
 
 pub use cells::packed as packed_cells;
+pub use check::fitted;
 pub use id::{Boot, EmergencyName, LayerId, Lease, OperatorId, Revision, RunId, StopId, VehicleId};
 pub use key::{Key, MessageSubject, Sender, Topic};
 pub use kind::MessageKind;
@@ -29,13 +30,14 @@ pub use message::{
     BodyKind, Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FIX_AGE_MAX_MS,
     FailsafeAction, Failsafes, Find, Fix, GroundReport, Have, Health, HeardFrom, Hello,
     IMAGE_FINDS_MAX, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Interest,
-    LOOK_READINGS_MAX, LayerDigest, LegReport, Look, LookReading, LostSamples, Mark, Message,
-    MissionEnd, MissionKind, MissionPhase, MissionProgress, MissionRefusal, OpenStops, Order,
-    OrderKind, Ordered, Parameter, PlaceSharing, Plan, Power, Progress, READING_AGE_MAX_MS,
-    RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, RunEnd,
-    RunReport, STORED_ITEMS_MAX, Sample, Samples, SatelliteFix, SeenState, ServoKind, StandReason,
-    State, StationPhase, Stop, StopScope, StoredItem, SweepPlanner, TASK_PLACES_MAX, TILE_CELLS,
-    TILE_SIDE, Task, TaskKind, TaskNumber, TaskParameter, TaskUnit, TileAddress, TileReport,
-    TileRequest, VehicleMode, WATERMARKS_ALWAYS,
+    LOG_LINE_BYTES_MAX, LOG_LINES_MAX, LOOK_READINGS_MAX, LayerDigest, LegReport, LogLine,
+    LogLines, LogSeverity, Look, LookReading, LostSamples, Mark, Message, MissionEnd, MissionKind,
+    MissionPhase, MissionProgress, MissionRefusal, NodeSettings, OpenStops, Order, OrderKind,
+    Ordered, Parameter, PlaceSharing, Plan, Power, Progress, READING_AGE_MAX_MS, RadioHealth,
+    RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, RunEnd, RunReport,
+    SETTINGS_PART_BYTES_MAX, SETTINGS_PARTS_MAX, STORED_ITEMS_MAX, Sample, Samples, SatelliteFix,
+    SeenState, ServoKind, StandReason, State, StationPhase, Stop, StopScope, StoredItem,
+    SweepPlanner, TASK_PLACES_MAX, TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskNumber,
+    TaskParameter, TaskUnit, TileAddress, TileReport, TileRequest, VehicleMode, WATERMARKS_ALWAYS,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

@@ -6,6 +6,7 @@ mod fix;
 mod health;
 mod hello;
 mod image;
+mod log;
 mod look;
 mod map;
 mod mark;
@@ -29,6 +30,10 @@ pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKi
 pub use image::{
     Covariance, Find, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject,
     Rectangle,
+};
+pub use log::{
+    LOG_LINE_BYTES_MAX, LOG_LINES_MAX, LogLine, LogLines, LogSeverity, NodeSettings,
+    SETTINGS_PART_BYTES_MAX, SETTINGS_PARTS_MAX,
 };
 pub use look::{LOOK_READINGS_MAX, Look, LookReading, READING_AGE_MAX_MS};
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, TileRequest};
@@ -71,6 +76,8 @@ pub enum Message {
     Fix(Fix),
     Mark(Mark),
     Look(Look),
+    Log(LogLines),
+    Settings(NodeSettings),
 }
 
 impl Message {
@@ -96,6 +103,8 @@ impl Message {
             Message::Fix(_) => MessageKind::Fix,
             Message::Mark(_) => MessageKind::Mark,
             Message::Look(_) => MessageKind::Look,
+            Message::Log(_) => MessageKind::Log,
+            Message::Settings(_) => MessageKind::Settings,
         }
     }
 
@@ -116,6 +125,8 @@ impl Message {
             Message::Beacon(beacon) => Some(Sender::Vehicle(beacon.sender)),
             Message::Health(health) => Some(Sender::Vehicle(health.vehicle)),
             Message::Look(look) => Some(Sender::Vehicle(look.vehicle)),
+            Message::Log(log) => Some(log.node),
+            Message::Settings(settings) => Some(settings.node),
             Message::Plan(_) | Message::Have(_) | Message::Report(_) | Message::Image(_) => {
                 Some(Sender::Ground)
             }

@@ -688,6 +688,56 @@ fn impossible_tasks_and_images_are_refused() {
 }
 
 #[test]
+fn a_text_that_is_too_long_is_cut_between_two_letters() {
+    let fit = |text: &str, most| fitted(text.to_owned(), most);
+    assert_eq!(fit("ääää", 8), "ääää");
+    assert_eq!(fit("ääää", 7), "ää…");
+    assert_eq!(fit("ääää", 6), "ä…");
+    assert_eq!(
+        (fit("ääää", 3), fit("ääää", 2), fit("x", 0)),
+        ("…".to_owned(), String::new(), String::new())
+    );
+}
+
+#[test]
+fn a_log_has_few_short_lines_in_order_and_settings_are_not_endless() {
+    let line = |number, bytes| LogLine {
+        number,
+        age_ms: 0,
+        severity: LogSeverity::Info,
+        text: "x".repeat(bytes),
+    };
+    let log = |lines| {
+        Message::Log(LogLines {
+            node: Sender::Ground,
+            instance: 1,
+            lines,
+        })
+    };
+    let numbered = |count: usize| (1..=count as u32).map(|number| line(number, 1)).collect();
+    assert!(log(vec![]).check().is_ok());
+    assert!(log(numbered(LOG_LINES_MAX)).check().is_ok());
+    refused(&log(numbered(LOG_LINES_MAX + 1)), "at most 16");
+    refused(&log(vec![line(2, 1), line(2, 1)]), "ascending");
+    assert!(log(vec![line(2, LOG_LINE_BYTES_MAX)]).check().is_ok());
+    refused(&log(vec![line(2, LOG_LINE_BYTES_MAX + 1)]), "240 bytes");
+    let settings = |part, parts, bytes| {
+        Message::Settings(NodeSettings {
+            node: Sender::Ground,
+            instance: 1,
+            part,
+            parts,
+            text: "x".repeat(bytes),
+        })
+    };
+    assert!(settings(15, 16, SETTINGS_PART_BYTES_MAX).check().is_ok());
+    refused(&settings(0, 1, SETTINGS_PART_BYTES_MAX + 1), "4096 bytes");
+    for (part, parts) in [(0, 0), (1, 1), (0, 17)] {
+        refused(&settings(part, parts, 1), "1 to 16 parts");
+    }
+}
+
+#[test]
 fn a_look_has_few_readings_and_none_of_long_ago() {
     let reading = LookReading {
         at: Position::from_metres(1.0, 2.0, 0.0),
@@ -738,13 +788,13 @@ fn a_look_has_few_readings_and_none_of_long_ago() {
 
 #[test]
 fn an_unknown_kind_is_no_mistake_whatever_it_holds() {
-    for kind in 19..=u8::MAX {
+    for kind in 21..=u8::MAX {
         for body in [&[][..], &[0], &[255; 300]] {
             let frame = [&[b't', b'S', VERSION, kind], body].concat();
             assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
         }
     }
-    let long = [&[b't', b'S', VERSION, 19][..], &vec![0; LIMIT]].concat();
+    let long = [&[b't', b'S', VERSION, 21][..], &vec![0; LIMIT]].concat();
     assert_eq!(
         decode(&long),
         Err(DecodeError::TooLong { length: LIMIT + 4 })
@@ -1022,7 +1072,7 @@ proptest! {
     }
 
     #[test]
-    fn any_body_of_an_unknown_kind_is_unknown(kind in 19..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn any_body_of_an_unknown_kind_is_unknown(kind in 21..=u8::MAX, body in prop::collection::vec(any::<u8>(), 0..200)) {
         let frame = [&[b't', b'S', VERSION, kind], &body[..]].concat();
         prop_assert_eq!(decode(&frame), Ok(Decoded::Unknown(kind)));
     }

@@ -3,6 +3,7 @@
 
 use std::io::IsTerminal;
 
+use crate::run::log_book::{LogBook, LogBookLayer};
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
@@ -18,6 +19,10 @@ pub(super) fn begin(is_verbose: bool) {
     let shown = Targets::new()
         .with_target("tomoswarm", own)
         .with_default(others);
+    // What is told to operators elsewhere does not depend on what is shown here.
+    let told = Targets::new()
+        .with_target("tomoswarm", LevelFilter::INFO)
+        .with_default(LevelFilter::ERROR);
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
@@ -25,5 +30,6 @@ pub(super) fn begin(is_verbose: bool) {
     // Only a second beginning fails, and the first one serves.
     let _ = tracing_subscriber::registry()
         .with(lines.with_filter(shown))
+        .with(LogBookLayer(LogBook::of_process().clone()).with_filter(told))
         .try_init();
 }

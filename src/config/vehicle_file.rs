@@ -37,6 +37,9 @@ pub(super) const VEHICLE_IDS: std::ops::RangeInclusive<usize> = 1..=250;
 /// The shortest secret between a simulated driver and its world, characters.
 const SHORTEST_TOKEN: usize = 8;
 
+/// What stands in the place of that secret for others; shorter than one can be, so that it is none.
+const NOT_SAID: &str = "hidden";
+
 /// What a vehicle's node is told.
 #[derive(Clone, PartialEq, Debug)]
 pub struct VehicleFile {
@@ -166,6 +169,14 @@ impl Keyed for SafetyTable<'_> {
 }
 
 impl VehicleFile {
+    /// Returns it as others may read it: without what lets a driver into the simulated world.
+    #[must_use]
+    pub fn without_secrets(&self) -> VehicleFile {
+        let mut shown = self.clone();
+        shown.world.token = NOT_SAID.to_owned();
+        shown
+    }
+
     /// Returns a file of nothing, to be filled.
     pub(super) fn blank() -> VehicleFile {
         VehicleFile {

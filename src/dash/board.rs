@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, Image, ImageSubject, Message, Plan, Sender, Stop, TILE_CELLS, TileAddress,
-    VehicleId,
+    EmergencyName, Image, ImageSubject, LogLines, Message, Plan, Sender, Stop, TILE_CELLS,
+    TileAddress, VehicleId,
 };
 
 use super::cell_view::TileChanges;
@@ -262,6 +262,11 @@ impl Board {
         self.tracks.get(&id)
     }
 
+    /// Returns a log with those lines only that were not told before; `None` = there is none.
+    pub fn news_of(&self, log: &LogLines) -> Option<LogLines> {
+        self.events.news_of(log)
+    }
+
     /// Returns what the range sensors of a vehicle heard of late.
     pub fn look(&self, id: VehicleId) -> Option<&LookView> {
         self.looks.get(&id)
@@ -451,7 +456,9 @@ impl Board {
             | Message::Image(_)
             | Message::Fix(_)
             | Message::Mark(_)
-            | Message::Look(_) => {}
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => {}
         }
     }
 
@@ -496,7 +503,10 @@ impl Board {
                     self.mark_event(now, text);
                 }
             }
-            Message::Mission(_)
+            // Settings are kept beside the board: there is no looking back at them.
+            Message::Settings(_)
+            | Message::Log(_)
+            | Message::Mission(_)
             | Message::Health(_)
             | Message::Report(_)
             | Message::Standing(_)

@@ -5,8 +5,12 @@
 //! images and marks are its caller's, who knows what of them is new.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
-use tomoswarm_proto::{GroundReport, Health, Message, MissionProgress, State, VehicleId};
+use tomoswarm_proto::{
+    GroundReport, Health, LogLine, LogLines, LogSeverity, Message, MissionProgress, Sender, State,
+    VehicleId,
+};
 
 use crate::operator::fleet_view::{FleetView, SILENT_AFTER};
 use crate::operator::names::{mode, phase};
@@ -14,6 +18,8 @@ use crate::time::Time;
 
 /// Events kept at most.
 pub const EVENTS_MAX: usize = 400;
+/// Starts of nodes' software of which is known which lines of their logs were told.
+const STARTS_MAX: usize = 512;
 
 /// What an event is about.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -28,6 +34,8 @@ pub enum EventKind {
     Image,
     /// Where somebody truly stands.
     Mark,
+    /// A line of a node's own log.
+    Note,
 }
 
 impl EventKind {
@@ -39,6 +47,7 @@ impl EventKind {
             EventKind::Order => "order",
             EventKind::Image => "image",
             EventKind::Mark => "mark",
+            EventKind::Note => "note",
         }
     }
 }
@@ -63,6 +72,37 @@ pub struct Event {
 pub struct EventList {
     events: VecDeque<Event>,
     last: u64,
+    /// Which lines of logs were told, the newest start of a node's software last.
+    said: VecDeque<Said>,
+}
+
+/// Which lines of the log of one start of a node's software were told.
+#[derive(Clone, Debug)]
+struct Said {
+    node: Sender,
+    instance: u64,
+    last: u32,
+    /// Those before the last one, which is bit 0; older ones count as told.
+    told: u64,
+}
+
+impl Said {
+    fn is_told(&self, number: u32) -> bool {
+        match self.last.checked_sub(number) {
+            Some(back) => back >= u64::BITS || self.told >> back & 1 == 1,
+            None => false,
+        }
+    }
+
+    fn tell(&mut self, number: u32) {
+        match number.checked_sub(self.last) {
+            Some(ahead) => {
+                self.told = self.told.checked_shl(ahead).unwrap_or(0) | 1;
+                self.last = number;
+            }
+            None => self.told |= 1_u64.checked_shl(self.last - number).unwrap_or(0),
+        }
+    }
 }
 
 impl EventList {
@@ -95,7 +135,12 @@ impl EventList {
             text,
         });
         if self.events.len() > EVENTS_MAX {
-            self.events.pop_front();
+            // Lines of logs are many: where they are more than half they go first.
+            let is_note = |event: &Event| event.kind == EventKind::Note;
+            let notes = self.events.iter().filter(|event| is_note(event)).count();
+            let first_note = self.events.iter().position(is_note);
+            let goes = first_note.filter(|_| notes > EVENTS_MAX / 2);
+            self.events.remove(goes.unwrap_or_default());
         }
     }
 
@@ -106,6 +151,7 @@ impl EventList {
             Message::Mission(mission) => self.mission(now, mission, known),
             Message::Health(health) => self.health(now, health, known),
             Message::Report(report) => self.report(now, report, known),
+            Message::Log(log) => self.log(now, log),
             Message::Standing(_)
             | Message::Hello(_)
             | Message::Tile(_)
@@ -120,7 +166,55 @@ impl EventList {
             | Message::Image(_)
             | Message::Fix(_)
             | Message::Mark(_)
-            | Message::Look(_) => {}
+            | Message::Look(_)
+            | Message::Settings(_) => {}
+        }
+    }
+
+    /// Returns a log with those lines only that were not told before; `None` = there is none.
+    pub fn news_of(&self, log: &LogLines) -> Option<LogLines> {
+        let is_of = |said: &&Said| said.node == log.node && said.instance == log.instance;
+        let said = self.said.iter().find(is_of);
+        let is_new = |line: &&LogLine| said.is_none_or(|said| !said.is_told(line.number));
+        let lines: Vec<LogLine> = log.lines.iter().filter(is_new).cloned().collect();
+        (!lines.is_empty()).then(|| LogLines {
+            lines,
+            ..log.clone()
+        })
+    }
+
+    fn log(&mut self, now: Time, log: &LogLines) {
+        let Some(news) = self.news_of(log) else {
+            return;
+        };
+        let (node, instance) = (log.node, log.instance);
+        let is_of = |said: &Said| said.node == node && said.instance == instance;
+        if !self.said.iter().any(is_of) {
+            self.said.push_back(Said {
+                node,
+                instance,
+                last: 0,
+                told: 1,
+            });
+            if self.said.len() > STARTS_MAX {
+                self.said.pop_front();
+            }
+        }
+        for line in news.lines {
+            let said = self.said.iter_mut().find(|said| is_of(said));
+            said.into_iter().for_each(|said| said.tell(line.number));
+            let at = now - Duration::from_millis(line.age_ms.into());
+            let severity = match line.severity {
+                LogSeverity::Info => "",
+                LogSeverity::Warning => "warning: ",
+                LogSeverity::Error => "error: ",
+            };
+            let (vehicles, who) = match node {
+                Sender::Vehicle(vehicle) => (vec![vehicle], String::new()),
+                Sender::Ground | Sender::Operator(_) => (Vec::new(), format!("{node}: ")),
+            };
+            let text = format!("{who}{severity}{}", line.text);
+            self.add(at, EventKind::Note, vehicles, text);
         }
     }
 
@@ -323,5 +417,104 @@ mod tests {
         assert_eq!(events.after(0).count(), EVENTS_MAX);
         assert_eq!(events.after(0).next().unwrap().number, 6);
         assert_eq!(events.after(events.last() - 1).count(), 1);
+    }
+
+    /// Lines of a vehicle's log, `ages_s` old.
+    fn log(instance: u64, lines: &[(u32, LogSeverity, u32)]) -> Message {
+        let line = |(number, severity, age_s): &(u32, LogSeverity, u32)| LogLine {
+            number: *number,
+            age_ms: age_s * 1000,
+            severity: *severity,
+            text: format!("line {number}"),
+        };
+        Message::Log(LogLines {
+            node: Sender::Vehicle(VehicleId(1)),
+            instance,
+            lines: lines.iter().map(line).collect(),
+        })
+    }
+
+    #[test]
+    fn each_line_of_a_log_is_one_note_however_often_it_is_said() {
+        use LogSeverity::{Error, Info, Warning};
+        let told = vec![
+            (5.0, log(1, &[(3, Info, 4), (4, Warning, 1)])),
+            (6.0, log(1, &[(4, Warning, 2), (5, Error, 0)])),
+            (7.0, log(1, &[(5, Error, 1)])),
+            (9.0, log(2, &[(1, Info, 0)])),
+        ];
+        let expected = [
+            "note [VehicleId(1)] line 3",
+            "note [VehicleId(1)] warning: line 4",
+            "note [VehicleId(1)] error: line 5",
+            "note [VehicleId(1)] line 1",
+        ];
+        assert_eq!(lines(told.clone()), expected);
+        let mut events = EventList::default();
+        let news = told.iter().map(|(at_s, message)| {
+            let Message::Log(log) = message else {
+                unreachable!()
+            };
+            let is_news = events.news_of(log).is_some();
+            events.hear(at(*at_s), message, &FleetView::default());
+            is_news
+        });
+        assert_eq!(news.collect::<Vec<bool>>(), [true, true, false, true]);
+        let written: Vec<Time> = events.after(0).map(|event| event.at).collect();
+        assert_eq!(written, [at(1.0), at(4.0), at(6.0), at(9.0)]);
+    }
+
+    #[test]
+    fn a_line_that_comes_after_later_ones_is_told_and_two_starts_have_lines_of_their_own() {
+        let mut events = EventList::default();
+        let mut tell = |instance, numbers: std::ops::RangeInclusive<u32>| {
+            let before = events.last();
+            let lines: Vec<_> = numbers
+                .map(|number| (number, LogSeverity::Info, 0))
+                .collect();
+            events.hear(at(9.0), &log(instance, &lines), &FleetView::default());
+            events.last() - before
+        };
+        assert_eq!(tell(1, 17..=40), 24, "the first message was lost");
+        assert_eq!(tell(1, 1..=18), 16, "and comes again");
+        assert_eq!(tell(1, 1..=40), 0);
+        assert_eq!(
+            tell(2, 1..=3),
+            3,
+            "another ground station, or another start"
+        );
+        assert_eq!(tell(1, 40..=41), 1);
+        assert_eq!(tell(2, 1..=3), 0, "and they take turns");
+        assert_eq!(tell(1, 200..=200), 1);
+        assert_eq!(tell(1, 130..=201), 64, "older ones count as told");
+        assert_eq!(tell(3, u32::MAX..=u32::MAX), 1);
+        assert_eq!(tell(3, 1..=1), 0);
+        for instance in 10..10 + STARTS_MAX as u64 {
+            tell(instance, 1..=1);
+        }
+        assert_eq!(events.said.len(), STARTS_MAX);
+    }
+
+    #[test]
+    fn lines_of_logs_crowd_out_nothing_that_is_rarer() {
+        let mut events = EventList::default();
+        let add = |events: &mut EventList, kind| events.add(at(1.0), kind, vec![], String::new());
+        for _ in 0..150 {
+            add(&mut events, EventKind::Order);
+        }
+        for _ in 0..5000 {
+            add(&mut events, EventKind::Note);
+        }
+        let count = |events: &EventList, kind| {
+            let of_kind = events.after(0).filter(|event| event.kind == kind);
+            of_kind.count()
+        };
+        assert_eq!(count(&events, EventKind::Order), 150);
+        assert_eq!(count(&events, EventKind::Note), 250);
+        for _ in 0..1000 {
+            add(&mut events, EventKind::Trouble);
+        }
+        assert_eq!(count(&events, EventKind::Order), 0, "they are the oldest");
+        assert_eq!(events.after(0).count(), EVENTS_MAX);
     }
 }

@@ -119,9 +119,11 @@ impl History {
         self.begin_part_when_due(now, board);
         let before = board.events().last();
         board.take(now, input);
-        let last = board.events().last();
+        let mut stays = false;
         for event in board.events().after(before) {
-            if event.kind != EventKind::Change {
+            // Lines of logs are many: none of them is a mark, and they go with what is thinned.
+            stays |= event.kind != EventKind::Note;
+            if !matches!(event.kind, EventKind::Change | EventKind::Note) {
                 self.markers.push_back(event.clone());
             }
         }
@@ -131,7 +133,7 @@ impl History {
         let bytes = codec::pack(input)?;
         let packed = Packed {
             at: now,
-            stays: last != before,
+            stays,
             bytes: &bytes,
         };
         if let Some(part) = self.parts.back_mut() {

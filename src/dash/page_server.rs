@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tomoswarm_proto::{Message, StopScope, VehicleId};
+use tomoswarm_proto::{Interest, Message, StopScope, VehicleId};
 
 pub use self::looks::CellQuestion;
 use super::board::{Board, BoardInput, Subject};
@@ -24,6 +24,7 @@ use super::ghost::Ghost;
 use super::history::History;
 use super::links::LinkBook;
 use super::marks::MarkOrder;
+use super::node_settings::NodeSettingsBook;
 use super::orders::{OrderRequest, OrderWord, STOP_WITHIN};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
@@ -123,6 +124,8 @@ pub struct PageServer {
     ghost: String,
     /// What is set, TOML with the meaning of each key.
     settings: String,
+    /// What nodes have said of theirs.
+    node_settings: NodeSettingsBook,
     /// The links of all runs, as far as their samples were heard.
     links: LinkBook,
     /// How the ground station images the structure and the change, if that is known.
@@ -136,6 +139,7 @@ impl PageServer {
     pub fn new(place: Value, venue: Venue, board: Board, gate: Gate) -> PageServer {
         PageServer {
             settings: to_toml(&Config::Venue(venue.clone())),
+            node_settings: NodeSettingsBook::default(),
             place,
             venue,
             board,
@@ -169,11 +173,27 @@ impl PageServer {
 
     /// Takes what came over the bus.
     pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
-        if let HeardMessage::Message(_, Message::Samples(batch)) = heard {
-            self.links.take(batch);
-        }
+        let input = match heard {
+            HeardMessage::Message(_, Message::Settings(said)) => {
+                return self.node_settings.take(said);
+            }
+            // Lines are said more than once.
+            HeardMessage::Message(sender, Message::Log(log)) => {
+                let Some(news) = self.board.news_of(log) else {
+                    return;
+                };
+                HeardMessage::Message(*sender, Message::Log(news))
+            }
+            HeardMessage::Message(_, Message::Samples(batch)) => {
+                self.links.take(batch);
+                heard.clone()
+            }
+            HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => {
+                heard.clone()
+            }
+        };
         let was_stopped = self.is_stop_open();
-        self.tell(now, &BoardInput::Heard(heard.clone()));
+        self.tell(now, &BoardInput::Heard(input));
         if was_stopped && !self.is_stop_open() {
             self.lifted = Some(now);
         }
@@ -375,7 +395,7 @@ impl PageServer {
         let (were_wanted, asked) = self.looks_wanted;
         if are_wanted != were_wanted && asked.is_none_or(|at| now.since(at) >= ASK_EVERY) {
             self.looks_wanted = (are_wanted, Some(now));
-            effects.push(PageEffect::Tell(In::Looks(are_wanted)));
+            effects.push(PageEffect::Tell(In::Ask(Interest::Looks, are_wanted)));
         }
     }
 

@@ -16,7 +16,8 @@ use crate::time::Time;
 
 /// Bytes that may wait at most; beyond that the lowest class loses its oldest.
 const WAITING: usize = 1 << 20;
-/// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them.
+/// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them. So are lines of its log, and parts
+/// of its settings.
 const BATCHES: usize = 2;
 
 /// A frame that a node says, with what is to be known to send it.
@@ -111,17 +112,17 @@ impl Egress {
         (self.bytes > 0).then(|| self.budget.next())
     }
 
-    /// Returns how many frames were dropped because too much waited, or too many batches of samples.
+    /// Returns how many frames were dropped because too much waited, or too many batches of one kind.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
     fn keep(&mut self, offered: OutboundFrame) {
         let waiting = self.waiting.entry(offered.class).or_default();
-        let is_batch = |frame: &OutboundFrame| frame.class == Urgency::Low && !frame.is_replaced;
-        if is_batch(&offered)
-            && waiting.iter().filter(|waiting| is_batch(waiting)).count() >= BATCHES
-        {
+        let is_alike =
+            |frame: &&OutboundFrame| !frame.is_replaced && frame.topic.kind == offered.topic.kind;
+        let is_batch = offered.class == Urgency::Low && !offered.is_replaced;
+        if is_batch && waiting.iter().filter(is_alike).count() >= BATCHES {
             self.dropped += 1;
             return;
         }
@@ -277,6 +278,31 @@ mod tests {
         assert_eq!(
             all_due(&mut egress),
             ["tile", "second", "samples", "samples"]
+        );
+    }
+
+    #[test]
+    fn batches_of_one_kind_take_no_room_from_those_of_another() {
+        let mut egress = spent();
+        for kind in [
+            MessageKind::Log,
+            MessageKind::Samples,
+            MessageKind::Settings,
+        ] {
+            for number in 1..=5 {
+                let mut batch = OutboundFrame {
+                    is_replaced: false,
+                    ..frame(Urgency::Low, "samples", number)
+                };
+                batch.topic.kind = kind;
+                assert!(egress.offer(Time::ZERO, batch).is_none());
+            }
+        }
+        assert_eq!(egress.dropped(), 9);
+        assert_eq!(
+            all_due(&mut egress).len(),
+            7,
+            "two of each, and what filled it"
         );
     }
 

@@ -199,7 +199,9 @@ impl Numbers {
             | Message::Image(_)
             | Message::Fix(_)
             | Message::Mark(_)
-            | Message::Look(_) => return Numbers::default(),
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => return Numbers::default(),
         })
     }
 

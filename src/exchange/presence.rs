@@ -208,6 +208,8 @@ fn of_stranger(message: Message) -> Option<Message> {
         | Message::Image(_)
         | Message::Fix(_)
         | Message::Mark(_)
-        | Message::Look(_) => None,
+        | Message::Look(_)
+        | Message::Log(_)
+        | Message::Settings(_) => None,
     }
 }

@@ -256,6 +256,23 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         class: Urgency::Low,
         is_replaced: true,
     },
+    // As a Look. Each message has lines of its own, or another part.
+    MessageRule {
+        kind: MessageKind::Log,
+        of_vehicle: GROUND,
+        of_ground: OPERATORS,
+        of_operator: None,
+        class: Urgency::Low,
+        is_replaced: false,
+    },
+    MessageRule {
+        kind: MessageKind::Settings,
+        of_vehicle: GROUND,
+        of_ground: OPERATORS,
+        of_operator: None,
+        class: Urgency::Low,
+        is_replaced: false,
+    },
 ];
 
 // A row out of order does not compile.
@@ -286,6 +303,8 @@ pub fn interest(kind: MessageKind) -> Option<Interest> {
         MessageKind::Samples | MessageKind::Have => Some(Interest::Samples),
         MessageKind::Image => Some(Interest::Images),
         MessageKind::Look => Some(Interest::Looks),
+        MessageKind::Log => Some(Interest::Log),
+        MessageKind::Settings => Some(Interest::Settings),
         MessageKind::Hello
         | MessageKind::Order
         | MessageKind::Beacon

@@ -150,7 +150,9 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Image(_)
         | Message::Fix(_)
         | Message::Mark(_)
-        | Message::Look(_) => None,
+        | Message::Look(_)
+        | Message::Log(_)
+        | Message::Settings(_) => None,
     };
     if let (Sender::Operator(operator), Message::Hello(_)) = (sender, &message) {
         let heard = image_publisher::In::Heard(operator);

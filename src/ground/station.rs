@@ -1,9 +1,7 @@
 //! The station actor: routes what it is told to its parts, and what follows from them to each other and to the outside. It
 //! solves nothing and plans nothing itself, and each part keeps its own state.
 //!
-//! It is told messages of vehicles, operators and other grounds, plans, and pictures made; it says plans, orders,
-//! watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes, and what must be
-//! remembered.
+//! It is told messages of vehicles, operators and other grounds, plans, and pictures made, and says what [`Out`] names.
 //!
 //! | part | what it keeps |
 //! | --- | --- |
@@ -254,7 +252,9 @@ impl Station {
             | Message::Standing(_)
             | Message::Image(_)
             | Message::Fix(_)
-            | Message::Look(_) => {}
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => {}
         }
         self.lease_changed(now, change, out);
     }

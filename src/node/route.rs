@@ -308,7 +308,9 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Health(_)
         | Message::Image(_)
         | Message::Mark(_)
-        | Message::Look(_) => {}
+        | Message::Look(_)
+        | Message::Log(_)
+        | Message::Settings(_) => {}
     }
 }
 

@@ -341,7 +341,9 @@ impl FleetView {
             | Message::Image(_)
             | Message::Fix(_)
             | Message::Mark(_)
-            | Message::Look(_) => {}
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => {}
         }
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyStop, Fix, Hello, Message, VehicleId};
+use tomoswarm_proto::{EmergencyStop, Fix, Hello, Interest, Message, VehicleId};
 
 use super::HeardMessage;
 use super::given_marks::{MarkOutcome, MarkRequest};
@@ -47,8 +47,8 @@ pub enum In {
     Fix(Fix),
     /// A true position that is to be marked, under a number of its own.
     Mark(u32, MarkRequest),
-    /// Whether it wants to be told what vehicles' range sensors hear.
-    Looks(bool),
+    /// Whether it wants to be told something that is said only to those who ask.
+    Ask(Interest, bool),
 }
 
 /// What the operator can say.
@@ -116,8 +116,8 @@ pub enum Key {
     Fix(VehicleId),
     /// A mark.
     Mark(u32),
-    /// Whether looks are wanted.
-    Looks,
+    /// Whether something is wanted that is said only to those who ask.
+    Ask(Interest),
 }
 
 impl Input for In {
@@ -141,7 +141,7 @@ impl Input for In {
             In::CueDone => InputClass::Latest(Key::CueDone),
             In::Fix(fix) => InputClass::Latest(Key::Fix(fix.vehicle)),
             In::Mark(number, _) => InputClass::Latest(Key::Mark(*number)),
-            In::Looks(_) => InputClass::Latest(Key::Looks),
+            In::Ask(of, _) => InputClass::Latest(Key::Ask(*of)),
         }
     }
 
@@ -161,7 +161,7 @@ impl Input for In {
             | In::CueDone
             | In::Fix(_)
             | In::Mark(..)
-            | In::Looks(_) => None,
+            | In::Ask(..) => None,
         };
         match (state(&unread), state(&newer)) {
             (Some(was), Some(is)) if was.0 == is.0 && was > is => unread,

@@ -28,7 +28,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Hello, Interest, Lease, Message, OperatorId, Sender, StopScope,
+    EmergencyName, EmergencyStop, Hello, Lease, Message, OperatorId, Sender, StopScope,
 };
 
 use super::HeardMessage;
@@ -561,14 +561,14 @@ impl Actor for Operator {
                 return Ok(());
             }
             In::Mark(number, request) => self.marks.give(now, number, request),
-            In::Looks(are_wanted) => {
+            In::Ask(of, is_wanted) => {
                 let interest = &mut self.settings.hello.interest;
-                if interest.contains(&Interest::Looks) != are_wanted {
-                    interest.retain(|of| *of != Interest::Looks);
-                    // The last of all, so that they stay ascending.
-                    interest.extend(are_wanted.then_some(Interest::Looks));
+                if interest.contains(&of) != is_wanted {
+                    interest.retain(|other| *other != of);
+                    interest.extend(is_wanted.then_some(of));
+                    interest.sort_unstable();
                     // Nobody waits for what is not wanted any more.
-                    self.greeted = self.greeted.filter(|_| !are_wanted);
+                    self.greeted = self.greeted.filter(|_| !is_wanted);
                 }
             }
             In::CueDone => {

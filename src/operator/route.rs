@@ -64,6 +64,6 @@ fn for_stops(event: &In) -> Option<stops::In> {
         | In::CueDone
         | In::Fix(_)
         | In::Mark(..)
-        | In::Looks(_) => None,
+        | In::Ask(..) => None,
     }
 }

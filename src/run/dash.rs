@@ -23,6 +23,8 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use tomoswarm_proto::Interest;
+
 use self::pages::Pages;
 pub use self::pages::SharedRunFiles;
 pub use self::recorded::RecordedPage;
@@ -37,7 +39,7 @@ use crate::dash::gate::Gate;
 use crate::dash::page_server::{PageEffect, PageServer};
 use crate::dash::texts::{Showing, place};
 use crate::geom::Lattice;
-use crate::operator::operator_actor::Out;
+use crate::operator::operator_actor::{In, Out};
 use crate::sim::ScenarioError;
 
 /// Why there is no page.
@@ -138,7 +140,7 @@ impl Dashboard {
     /// # Errors
     /// [`DashError`].
     pub fn start(
-        operator: LiveOperator,
+        mut operator: LiveOperator,
         venue: &Venue,
         at: &PageAddress,
         folder: Option<PathBuf>,
@@ -152,6 +154,10 @@ impl Dashboard {
         let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
         let place = place(venue, Showing::Live);
         let server = PageServer::new(place, venue.clone(), board, Gate::new(look, operate));
+        // Both are little, and what was said before a page is opened is wanted as well.
+        for of in [Interest::Log, Interest::Settings] {
+            operator.tell(In::Ask(of, true));
+        }
         let waker = operator.session().waker();
         let wake = Arc::new(move || waker.wake());
         Ok(Dashboard {

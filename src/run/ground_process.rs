@@ -7,7 +7,6 @@
 //! knows it: it closes no run, and is silent about what it has, so that vehicles send everything again afterwards.
 
 mod archive;
-mod newcomers;
 mod store_thread;
 mod utc;
 
@@ -20,22 +19,24 @@ use std::time::Instant;
 use tomoswarm_proto::{Boot, GroundReport, Hello, Message, Sender, VehicleId, codec};
 
 use self::archive::Archive;
-use self::newcomers::Newcomers;
 use self::store_thread::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
+use super::log_book::LogBook;
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
+use super::newcomers::Newcomers;
 use super::node_threads::LiveNode;
 use super::process::{Finish, Process, StopRequest};
 use super::roster_watch::RosterWatch;
+use super::self_report::SelfReport;
 use super::state_dir::{StateDir, StateDirError};
 use super::swarm_mavlink::SwarmMavlink;
 use super::trust::TrustError;
 use super::vehicle_process::{
     recorder, recording_health, short, watch_folder, watch_recorder, watch_stops,
 };
-use crate::config::GroundFile;
+use crate::config::{self, Config, GroundFile};
 use crate::ground::ActorSettings;
 use crate::ground::from_config::{PartsError, ground_parts};
 use crate::ground::imager::ImageStage;
@@ -147,11 +148,18 @@ pub fn run(
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
     let node = LiveGround::default();
     let (to_store, wanted) = sync_channel(QUEUE);
+    let of_itself = Arc::new(SelfReport::new(
+        Sender::Ground,
+        hello.instance,
+        &config::to_toml(&Config::Ground(Box::new(file.clone()))),
+        LogBook::of_process().clone(),
+    ));
     let subscriber = Subscriber {
         node: node.clone(),
         store: to_store.clone(),
         expected: expected(file),
         newcomers: Mutex::default(),
+        of_itself: of_itself.clone(),
     };
     let mut member = process.join(bus, hello, move |sender, message| {
         subscriber.take(sender, message)
@@ -184,6 +192,10 @@ pub fn run(
         watch_folder(&state_dir, troubles);
         watch_stops(&edge.stops, troubles);
         watch_mavlink(mavlink, troubles);
+        let of_itself = of_itself.due(Instant::now());
+        of_itself
+            .iter()
+            .for_each(|message| edge.publisher.publish(message));
         let report = lock(&edge.report).clone();
         status(&GroundStatus {
             report,
@@ -285,6 +297,7 @@ struct Subscriber {
     expected: BTreeSet<VehicleId>,
     /// Operators that are told what is marked.
     newcomers: Mutex<Newcomers>,
+    of_itself: Arc<SelfReport>,
 }
 
 impl Subscriber {
@@ -335,6 +348,7 @@ impl Subscriber {
                     }
                     Sender::Operator(_) => {
                         self.tell_marks(&hello);
+                        self.of_itself.hear(Instant::now(), sender, &hello);
                         // It names the lease that it holds.
                         self.node.tell(Event::Bus(sender, Message::Hello(hello)))
                     }
@@ -358,8 +372,9 @@ impl Subscriber {
             | Message::Standing(_)
             | Message::Task(_)
             | Message::Image(_)
-            | Message::Fix(_)
-            | Message::Look(_) => self.node.tell(Event::Bus(sender, message)),
+            | Message::Fix(_) => self.node.tell(Event::Bus(sender, message)),
+            // It is for operators, and comes with all that vehicles say.
+            Message::Look(_) | Message::Log(_) | Message::Settings(_) => {}
             // One that cannot be taken now is said again.
             Message::Mark(mark) => drop(self.store.try_send(StoreJob::Mark(sender, mark))),
         }
@@ -426,7 +441,9 @@ impl Edge {
             | Message::Image(_)
             | Message::Fix(_)
             | Message::Mark(_)
-            | Message::Look(_) => self.publisher.publish(&message),
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => self.publisher.publish(&message),
         }
     }
 }

@@ -233,7 +233,9 @@ fn later_start(own: LayerId, done: &Done, message: &Message) -> Option<Boot> {
         | Message::Image(_)
         | Message::Fix(_)
         | Message::Mark(_)
-        | Message::Look(_) => None,
+        | Message::Look(_)
+        | Message::Log(_)
+        | Message::Settings(_) => None,
     }
 }
 

@@ -88,7 +88,9 @@ fn about_anything(role: &str, row: &MessageRule) -> String {
         | MessageKind::Health
         | MessageKind::Report
         | MessageKind::Standing
-        | MessageKind::Look => "",
+        | MessageKind::Look
+        | MessageKind::Log
+        | MessageKind::Settings => "",
         MessageKind::Plan
         | MessageKind::Order
         | MessageKind::Task

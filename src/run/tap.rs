@@ -238,6 +238,6 @@ mod tests {
     #[test]
     fn every_kind_can_be_asked_for() {
         assert!(kinds().contains(&Message::Report(report()).word()));
-        assert_eq!(kinds().len(), 19);
+        assert_eq!(kinds().len(), 21);
     }
 }

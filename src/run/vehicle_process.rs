@@ -10,14 +10,17 @@
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
-use tomoswarm_proto::{Health, Message, RecordingHealth, Sender, State, VehicleId, VehicleMode};
+use tomoswarm_proto::{
+    Health, Message, RecordingHealth, Sender, State, VehicleId, VehicleMode, fitted,
+};
 
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
 use super::drivers::{EventSink, VehicleDevices};
 use super::later_start::LaterStart;
+use super::log_book::LogBook;
 use super::machine::Machine;
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
@@ -25,6 +28,7 @@ use super::membership::{self, RandomUnavailable};
 use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process, StopRequest};
 use super::roster_watch::RosterWatch;
+use super::self_report::SelfReport;
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
 use crate::autopilot::{AutopilotCommand, CommandPurpose, LinkEvent, link};
@@ -216,11 +220,21 @@ pub fn run(
         process.context(),
     ));
     let (listening, clock) = (later.clone(), process.context().clock);
+    let of_itself = Arc::new(SelfReport::new(
+        sender,
+        hello.instance,
+        &config::to_toml(&Config::Vehicle(Box::new(file.without_secrets()))),
+        LogBook::of_process().clone(),
+    ));
+    let asked = of_itself.clone();
     let mut roster = RosterWatch::begin(sender, &file.venue, &file.bus, &state_dir);
     let access = roster.access()?;
     let bus = membership::bus_settings(sender, &file.venue, &file.bus, access);
     let mut member = process.join(bus, hello, move |sender, message| {
         listening.hear(clock.now(), &message);
+        if let Message::Hello(hello) = &message {
+            asked.hear(Instant::now(), sender, hello);
+        }
         told.tell(Event::Bus(sender, message))
     })?;
     // Nothing is driven by a node that may not take part.
@@ -273,6 +287,10 @@ pub fn run(
         watch_folder(&state_dir, troubles);
         watch_recorder(recorder.as_ref(), troubles);
         later.settle(now);
+        let of_itself = of_itself.due(Instant::now());
+        of_itself
+            .iter()
+            .for_each(|message| edge.publisher.publish(message));
         let known = troubles.list();
         if now.since(said_at) >= HEALTH_EVERY || known != said {
             (said_at, said) = (now, known);
@@ -489,20 +507,8 @@ const WORD_BYTES: usize = 200;
 
 /// Cuts words to what a message carries; a cut one shows that it is.
 pub(super) fn short(words: Vec<String>) -> Vec<String> {
-    words.into_iter().take(WORDS).map(cut).collect()
-}
-
-fn cut(mut word: String) -> String {
-    if word.len() > WORD_BYTES {
-        let most = WORD_BYTES - '…'.len_utf8();
-        let end = (0..=most)
-            .rev()
-            .find(|end| word.is_char_boundary(*end))
-            .unwrap_or(0);
-        word.truncate(end);
-        word.push('…');
-    }
-    word
+    let fit = |word| fitted(word, WORD_BYTES);
+    words.into_iter().take(WORDS).map(fit).collect()
 }
 
 #[cfg(test)]

@@ -5,10 +5,14 @@
 //! [`crate::exchange::Exchange`], which judges it.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::{Interest, MessageKind, MessageSubject, OperatorId, Topic, VehicleId};
+use tomoswarm_proto::{
+    Interest, LOG_LINE_BYTES_MAX, LogLine, LogLines, LogSeverity, Message, MessageKind,
+    MessageSubject, OperatorId, Topic, VehicleId, fitted,
+};
 
 use super::noise::{Noise, NoisePurpose};
 use crate::config::Partition;
@@ -123,12 +127,19 @@ type Hears = dyn FnMut(Time, &HeardMessage);
 
 /// Hears everything that an operator would hear, when it is said: nothing of it is lost, delayed or doubled, and nobody's
 /// traffic changes by it.
-pub struct BusListener(Box<Hears>);
+pub struct BusListener {
+    hears: Box<Hears>,
+    /// Lines of each node's log so far.
+    lines: BTreeMap<NodeId, u32>,
+}
 
 impl BusListener {
     /// Makes a listener of what it does with what it hears.
     pub fn new(hears: impl FnMut(Time, &HeardMessage) + 'static) -> BusListener {
-        BusListener(Box::new(hears))
+        BusListener {
+            hears: Box::new(hears),
+            lines: BTreeMap::new(),
+        }
     }
 }
 
@@ -171,6 +182,32 @@ impl SimulatedBus {
         }
     }
 
+    /// Lets whoever listens hear a line of a node's log, as operators are told it by live nodes.
+    pub fn overhear(&mut self, now: Time, node: NodeId, line: fmt::Arguments<'_>) {
+        let Some(listener) = &mut self.listener else {
+            return;
+        };
+        // What operators do is heard as orders.
+        if let NodeId::Operator(_) = node {
+            return;
+        }
+        let number = listener.lines.entry(node).or_default();
+        *number += 1;
+        let said = LogLine {
+            number: *number,
+            age_ms: 0,
+            severity: LogSeverity::Info,
+            text: fitted(line.to_string(), LOG_LINE_BYTES_MAX),
+        };
+        let log = LogLines {
+            node,
+            // Lines are counted over all starts.
+            instance: 1,
+            lines: vec![said],
+        };
+        (listener.hears)(now, &HeardMessage::Message(node, Message::Log(log)));
+    }
+
     /// Sends a frame to receivers (the sender among them is passed over) and returns what arrives.
     pub fn send(
         &mut self,
@@ -183,7 +220,7 @@ impl SimulatedBus {
         if let (Some(listener), Ok(heard)) = (&mut self.listener, frame.read()) {
             let audience = row(outbound.topic.kind).audience(sender);
             if audience.is_some_and(|audience| audience.operators) {
-                (listener.0)(now, heard);
+                (listener.hears)(now, heard);
             }
         }
         let of_sender = self.sent_by_kind.entry(sender).or_default();
@@ -464,7 +501,11 @@ mod tests {
     /// Who subscribed to what before there was a table.
     fn subscribers(message: &Message) -> Vec<NodeId> {
         match message {
-            Message::Samples(_) | Message::Health(_) | Message::Look(_) => vec![NodeId::Ground],
+            Message::Samples(_)
+            | Message::Health(_)
+            | Message::Look(_)
+            | Message::Log(_)
+            | Message::Settings(_) => vec![NodeId::Ground],
             Message::Order(order) => vec![NodeId::Vehicle(order.vehicle)],
             Message::Plan(_) | Message::Have(_) | Message::Report(_) => vec![A, B],
             Message::State(_)

@@ -576,8 +576,9 @@ impl Kernel {
     }
 
     fn log(&mut self, node: NodePlace, what: std::fmt::Arguments<'_>) {
-        let who = name_of(self.nodes.id_of(node));
-        self.record.line(self.schedule.now(), &who, what);
+        let (now, id) = (self.schedule.now(), self.nodes.id_of(node));
+        self.record.line(now, &name_of(id), what);
+        self.network.overhear(now, id, what);
     }
 
     /// Returns what is to be seen of the run now.

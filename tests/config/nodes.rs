@@ -627,6 +627,26 @@ fn the_simulated_world_is_on_this_machine_and_asks_for_a_word() {
 }
 
 #[test]
+fn what_others_may_read_of_a_vehicles_file_lets_no_driver_into_its_world() {
+    let file = vehicle(VEHICLE);
+    let shown = config::to_toml(&Config::Vehicle(Box::new(file.without_secrets())));
+    assert!(
+        !shown.contains(&file.world.token) && file.world.token.len() > 8,
+        "{shown}"
+    );
+    assert!(
+        shown.contains("token = \"hidden\"") && shown.contains("id = "),
+        "{shown}"
+    );
+    // Should somebody use it as a file, it is none.
+    let refused = problems_of(&VEHICLE.replace(&file.world.token, "hidden"));
+    assert!(
+        refused.contains("world.token") && !refused.contains("accepted"),
+        "{refused}"
+    );
+}
+
+#[test]
 fn every_wrong_value_of_a_ground_station_is_refused() {
     for list in [
         "[0]",

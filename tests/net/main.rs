@@ -42,6 +42,8 @@ mod page_figures;
 #[cfg(feature = "dash")]
 mod page_hands;
 #[cfg(feature = "dash")]
+mod page_log;
+#[cfg(feature = "dash")]
 mod page_marks;
 #[cfg(feature = "dash")]
 mod page_process;

@@ -1,6 +1,6 @@
 //! The page of a recording (`dash --replay`), and looking back at a simulation: any moment, any speed, no orders.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -134,22 +134,46 @@ fn a_recording_ends_on_the_board_of_the_simulation_and_every_moment_is_found_in_
     let files = files(&recorded(folder.path()));
     let run = what_was_said(&files).unwrap();
     assert_eq!(run.notes, Vec::<String>::new());
+    // What vehicles and the ground station have noted for people is there as it was in the simulation, some of it.
+    let noted = |all: &[(Time, HeardMessage)]| -> BTreeSet<(Time, String)> {
+        let lines = all.iter().filter_map(|(at, heard)| match heard {
+            HeardMessage::Message(sender, Message::Log(log)) => {
+                Some((*at, format!("{sender}: {}", log.lines[0].text)))
+            }
+            _ => None,
+        });
+        lines.collect()
+    };
+    let (replayed, simulated) = (noted(&run.heard), noted(&heard_in_the_simulation()));
+    assert!(replayed.len() > 20, "{replayed:?}");
+    assert!(
+        replayed.is_subset(&simulated),
+        "{:?}",
+        replayed.difference(&simulated).next()
+    );
     let sim = small();
     let new = || {
         let mut board = Board::new(sim.venue.hash(), Lattice::new(sim.venue.cell_m));
         board.take(Time::ZERO, &BoardInput::Linked(true));
         board
     };
-    let (mut history, mut replayed) = (History::default(), new());
+    let (mut history, mut present) = (History::default(), new());
     for (at, heard) in &run.heard {
         let input = BoardInput::Heard(heard.clone());
-        history.tell(*at, &mut replayed, &input).unwrap();
+        history.tell(*at, &mut present, &input).unwrap();
     }
-    let mut simulated = new();
+    // A simulation's listener hears lines of its scenario as well.
+    let told = |all: Vec<(Time, HeardMessage)>| {
+        let mut board = new();
+        for (at, heard) in all {
+            if !matches!(&heard, HeardMessage::Message(_, Message::Log(_))) {
+                board.take(at, &BoardInput::Heard(heard));
+            }
+        }
+        board
+    };
     // Those who say what is shown of a fleet; operators only ask.
-    for (at, heard) in heard_in_the_simulation() {
-        simulated.take(at, &BoardInput::Heard(heard));
-    }
+    let (replayed, simulated) = (told(run.heard.clone()), told(heard_in_the_simulation()));
     let end = run.heard.last().unwrap().0;
     let (one, other) = (everything(&replayed, end), everything(&simulated, end));
     assert!(one.len() > 20, "{}", one.len());

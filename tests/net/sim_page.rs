@@ -112,6 +112,8 @@ fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
         browser.go(&dash.look);
         browser.until("tomoswarm.model.states.size === 2", 10);
         browser.until("tomoswarm.model.images.size > 0", 10);
+        let is_note = "tomoswarm.model.events.some((event) => event.kind === 'note' && event.vehicles[0] === 1)";
+        browser.until(is_note, 5);
         browser.until("document.title.startsWith('SIMULATION')", 5);
         let is_hidden = "getComputedStyle(document.getElementById('stop')).display === 'none'";
         browser.until(is_hidden, 5);

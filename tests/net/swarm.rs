@@ -95,6 +95,8 @@ pub struct Watch {
     pub digests: BTreeMap<Sender, (Instant, Digest)>,
     /// How many looks of vehicles it has heard.
     pub looks: usize,
+    /// How many messages with settings of nodes, or with lines of their logs.
+    pub told_of_nodes: usize,
     samples: BTreeMap<(VehicleId, Boot, RunId), BTreeMap<u64, Sample>>,
 }
 
@@ -110,6 +112,7 @@ impl Watch {
                     .insert(*sender, (Instant::now(), digest.clone()));
             }
             Message::Look(_) => self.looks += 1,
+            Message::Log(_) | Message::Settings(_) => self.told_of_nodes += 1,
             Message::Samples(batch) => {
                 let known = self
                     .samples

@@ -122,4 +122,8 @@ pub enum Interest {
     Images,
     /// What vehicles look at.
     Looks,
+    /// The lines of nodes' logs.
+    Log,
+    /// The settings of nodes.
+    Settings,
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use proptest::collection::{btree_set, vec};
+use proptest::collection::{btree_map, btree_set, vec};
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -179,6 +179,8 @@ fn hello() -> impl Strategy<Value = Hello> {
         Interest::Samples,
         Interest::Images,
         Interest::Looks,
+        Interest::Log,
+        Interest::Settings,
     ];
     let has = (
         vec(capability(), 0..9),
@@ -1025,6 +1027,47 @@ fn look() -> impl Strategy<Value = Look> {
     )
 }
 
+fn node() -> impl Strategy<Value = Sender> {
+    prop_oneof![Just(Sender::Ground), vehicle().prop_map(Sender::Vehicle)]
+}
+
+fn log() -> impl Strategy<Value = LogLines> {
+    let severity = prop_oneof![
+        Just(LogSeverity::Info),
+        Just(LogSeverity::Warning),
+        Just(LogSeverity::Error)
+    ];
+    let said = (any::<u32>(), severity, "[a-zäöüß ]{0,80}");
+    let lines = btree_map(any::<u32>(), said, 0..=LOG_LINES_MAX);
+    (node(), any::<u64>(), lines).prop_map(|(node, instance, lines)| {
+        let line = |(number, (age_ms, severity, text))| LogLine {
+            number,
+            age_ms,
+            severity,
+            text,
+        };
+        LogLines {
+            node,
+            instance,
+            lines: lines.into_iter().map(line).collect(),
+        }
+    })
+}
+
+fn settings() -> impl Strategy<Value = NodeSettings> {
+    let parts = (1..=SETTINGS_PARTS_MAX).prop_flat_map(|parts| (0..parts, Just(parts)));
+    let text = "[a-zäöüß =\\n]{0,400}";
+    (node(), any::<u64>(), parts, text).prop_map(|(node, instance, (part, parts), text)| {
+        NodeSettings {
+            node,
+            instance,
+            part,
+            parts,
+            text,
+        }
+    })
+}
+
 fn mark() -> impl Strategy<Value = Mark> {
     let run = (0..u32::MAX).prop_map(RunId);
     (run, position(), any::<bool>()).prop_map(|(run, at, stands)| Mark { run, at, stands })
@@ -1052,5 +1095,7 @@ pub fn message() -> impl Strategy<Value = Message> {
         fix().prop_map(Message::Fix),
         mark().prop_map(Message::Mark),
         look().prop_map(Message::Look),
+        log().prop_map(Message::Log),
+        settings().prop_map(Message::Settings),
     ]
 }

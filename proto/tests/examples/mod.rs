@@ -449,6 +449,29 @@ pub fn examples() -> Vec<(&'static str, Message)> {
             }),
         ),
         ("look", Message::Look(look())),
+        (
+            "log",
+            Message::Log(LogLines {
+                node: Sender::Vehicle(VehicleId(2)),
+                instance: 0x0123_4567_89ab_cdef,
+                lines: vec![LogLine {
+                    number: 17,
+                    age_ms: 340,
+                    severity: LogSeverity::Warning,
+                    text: "autopilot: PreArm: GPS 1 not healthy".to_owned(),
+                }],
+            }),
+        ),
+        (
+            "settings",
+            Message::Settings(NodeSettings {
+                node: Sender::Vehicle(VehicleId(2)),
+                instance: 0x0123_4567_89ab_cdef,
+                part: 0,
+                parts: 1,
+                text: "kind = \"vehicle\"\nid = 2\n".to_owned(),
+            }),
+        ),
     ]
 }
 
@@ -481,6 +504,8 @@ pub fn variants() -> Vec<(&'static str, Message)> {
             Interest::Samples,
             Interest::Images,
             Interest::Looks,
+            Interest::Log,
+            Interest::Settings,
         ],
         ..hello()
     };

@@ -91,6 +91,8 @@ fn hello() -> Hello {
             Interest::Samples,
             Interest::Images,
             Interest::Looks,
+            Interest::Log,
+            Interest::Settings,
         ],
     }
 }
@@ -369,6 +371,12 @@ fn plan() -> Plan {
 
 /// Returns the longest message of every kind, in the order of the kinds; a plan may be as long as a frame.
 pub fn extremes() -> Vec<Message> {
+    let lines = (0..LOG_LINES_MAX as u32).map(|back| LogLine {
+        number: u32::MAX - (LOG_LINES_MAX as u32 - back),
+        age_ms: u32::MAX,
+        severity: LogSeverity::Error,
+        text: "x".repeat(LOG_LINE_BYTES_MAX),
+    });
     let reading = LookReading {
         at: position(),
         toward: Heading::LAST,
@@ -450,6 +458,18 @@ pub fn extremes() -> Vec<Message> {
             half_angle: Heading::LAST,
             max_range_mm: u32::MAX,
             readings: vec![reading; LOOK_READINGS_MAX],
+        }),
+        Message::Log(LogLines {
+            node: Sender::Vehicle(VehicleId(250)),
+            instance: u64::MAX,
+            lines: lines.collect(),
+        }),
+        Message::Settings(NodeSettings {
+            node: Sender::Vehicle(VehicleId(250)),
+            instance: u64::MAX,
+            part: SETTINGS_PARTS_MAX - 1,
+            parts: SETTINGS_PARTS_MAX,
+            text: "x".repeat(SETTINGS_PART_BYTES_MAX),
         }),
     ]
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use tomoswarm_proto::{
-    Boot, Health, ImageSubject, Lease, Mark, OpenStops, OperatorId, Position, Rectangle, RunId,
-    TILE_CELLS, TileReport,
+    Boot, Health, ImageSubject, Lease, LogLine, LogLines, LogSeverity, Mark, Message, OpenStops,
+    OperatorId, Position, Rectangle, RunId, Sender, TILE_CELLS, TileReport, VehicleId,
 };
 
 use super::*;
@@ -46,6 +46,22 @@ fn health(id: u8, trouble: bool) -> BoardInput {
         troubles: trouble.then(|| "no echo".to_owned()).into_iter().collect(),
         ..Health::default()
     })))
+}
+
+/// A line of a vehicle's log.
+fn line(number: u32) -> BoardInput {
+    let line = LogLine {
+        number,
+        age_ms: 0,
+        severity: LogSeverity::Error,
+        text: "nobody listens".to_owned(),
+    };
+    let log = LogLines {
+        node: Sender::Vehicle(VehicleId(1)),
+        instance: 7,
+        lines: vec![line],
+    };
+    BoardInput::Heard(heard(Message::Log(log)))
 }
 
 fn image(sequence: u32) -> BoardInput {
@@ -301,6 +317,13 @@ fn marks_are_troubles_orders_and_images_and_the_oldest_go_first() {
     history
         .tell(at(5000.0), &mut present, &health(1, true))
         .unwrap();
+    for number in 1..=2 * MARKERS_MAX as u32 {
+        history
+            .tell(at(5001.0), &mut present, &line(number))
+            .unwrap();
+    }
+    let notes = present.events().after(0);
+    assert!(notes.filter(|event| event.kind == EventKind::Note).count() > 100);
     let markers = history.markers();
     assert_eq!(markers.len(), MARKERS_MAX);
     assert_eq!(markers.back().unwrap().kind, EventKind::Trouble);

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use serde_json::json;
-use tomoswarm_proto::{ImageSubject, RunId};
+use tomoswarm_proto::{ImageSubject, RunId, Sender};
 
 use super::PageServer;
 use crate::dash::board::Board;
@@ -92,13 +92,22 @@ impl PageServer {
         Ok(self.ghost.clone())
     }
 
-    /// Returns what is set, TOML with the meaning of each key, for whoever may look.
+    /// Returns what is set, TOML with the meaning of each key, for whoever may look; of a node what it has said itself.
     ///
     /// # Errors
-    /// The token is none of this server's.
-    pub fn settings(&self, authorization: Option<&str>) -> Result<String, GateRefusal> {
+    /// The token is none of this server's, or the node has said nothing.
+    pub fn settings(
+        &self,
+        authorization: Option<&str>,
+        of: Option<Sender>,
+    ) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        Ok(self.settings.clone())
+        let Some(node) = of else {
+            return Ok(self.settings.clone());
+        };
+        self.node_settings.of(node).ok_or_else(|| {
+            GateRefusal::Unreadable(format!("{node} has not said its settings to this page"))
+        })
     }
 
     /// Judges whether who asks may look.

@@ -11,8 +11,9 @@ use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::outcome::OrderOutcome;
 use crate::operator::tests_support::{at, heard, report, state};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, Heading, LayerId, Look, LookReading, Mark, OpenStops,
-    OperatorId, Position, RunId, Sender, TileAddress, TileReport, VehicleId,
+    Boot, EmergencyName, EmergencyStop, Heading, Interest, LayerId, Look, LookReading, Mark,
+    NodeSettings, OpenStops, OperatorId, Position, RunId, Sender, TileAddress, TileReport,
+    VehicleId,
 };
 
 const LOOK: &str = "00112233445566778899aabbccddeeff";
@@ -946,7 +947,7 @@ fn looks_are_asked_for_while_a_page_rides_and_shown_to_that_page_alone() {
     );
     let asked = |effects: &[PageEffect]| -> Vec<bool> {
         let said = effects.iter().filter_map(|effect| match effect {
-            PageEffect::Tell(In::Looks(are_wanted)) => Some(*are_wanted),
+            PageEffect::Tell(In::Ask(Interest::Looks, are_wanted)) => Some(*are_wanted),
             _ => None,
         });
         said.collect()
@@ -999,4 +1000,46 @@ fn looks_are_asked_for_while_a_page_rides_and_shown_to_that_page_alone() {
     }
     assert!((1..=3).contains(&words), "{words} in three seconds");
     assert!(server.page_said(at(2.3), one, r#"{"ride":300}"#).is_err());
+}
+
+#[test]
+fn settings_of_a_node_are_those_that_it_said_last() {
+    let mut server = server();
+    let vehicle = Sender::Vehicle(VehicleId(2));
+    let bearer = format!("Bearer {LOOK}");
+    let look = Some(bearer.as_str());
+    let mine = server.settings(look, None).unwrap();
+    assert!(mine.contains("kind = \"venue\""), "{mine}");
+    let refused = server.settings(look, Some(vehicle)).unwrap_err();
+    assert!(
+        refused
+            .to_string()
+            .contains("vehicle 2 has not said its settings"),
+        "{refused}"
+    );
+    let mut say = |instance, text: &str| {
+        let said = NodeSettings {
+            node: vehicle,
+            instance,
+            part: 0,
+            parts: 1,
+            text: text.to_owned(),
+        };
+        server.hear(
+            at(1.0),
+            &HeardMessage::Message(vehicle, Message::Settings(said)),
+        );
+        server.settings(look, Some(vehicle)).unwrap()
+    };
+    assert_eq!(say(1, "id = 2\n"), "id = 2\n");
+    assert_eq!(
+        say(2, "id = 2\nrecord = \"all\"\n"),
+        "id = 2\nrecord = \"all\"\n"
+    );
+    assert!(
+        server
+            .settings(Some("Bearer other"), Some(vehicle))
+            .is_err()
+    );
+    assert!(server.settings(look, Some(Sender::Ground)).is_err());
 }

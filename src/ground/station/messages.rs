@@ -89,7 +89,9 @@ pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
         | Message::Image(_)
         | Message::Fix(_)
         | Message::Mark(_)
-        | Message::Look(_) => None,
+        | Message::Look(_)
+        | Message::Log(_)
+        | Message::Settings(_) => None,
     }
 }
 

@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task, VehicleId};
+use tomoswarm_proto::{MissionKind, RunEnd, RunId, RunReport, Task, VehicleId, fitted};
 
 use super::super::planner::SweepTask;
 
@@ -191,12 +191,8 @@ impl Runs {
             RunEnd::Stopped => "was given up",
             RunEnd::Failed => "has failed",
         };
-        let mut words = format!("run {run} {how}: {}", known.why);
-        let end = (0..=TROUBLE_BYTES_MAX.min(words.len()))
-            .rev()
-            .find(|end| words.is_char_boundary(*end));
-        words.truncate(end.unwrap_or(0));
-        Some(words)
+        let words = format!("run {run} {how}: {}", known.why);
+        Some(fitted(words, TROUBLE_BYTES_MAX))
     }
 
     /// Forgets the lowest runs that are too many; whatever tasks are given, not one that is under way.

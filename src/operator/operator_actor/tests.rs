@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use tomoswarm_proto::{
-    Boot, GroundReport, Lease, MissionPhase, MissionProgress, OperatorId, Order, OrderKind as Kind,
-    RunId, RunReport, Sender, StandReason, StationPhase, Task, VehicleId,
+    Boot, GroundReport, Interest, Lease, MissionPhase, MissionProgress, OperatorId, Order,
+    OrderKind as Kind, RunId, RunReport, Sender, StandReason, StationPhase, Task, VehicleId,
 };
 
 use super::super::outcome::{OrderRefusal, VehicleOutcome};
@@ -500,20 +500,26 @@ fn who_wants_looks_says_so_at_once_and_as_long_as_it_wants_them() {
         said
     };
     assert_eq!(
-        asks(at(0.0), Some(In::Looks(true))),
+        asks(at(0.0), Some(In::Ask(Interest::Looks, true))),
         [false; 0],
         "nobody is reached"
     );
     assert_eq!(asks(at(0.5), Some(In::Linked(true))), [true]);
-    assert_eq!(asks(at(0.6), Some(In::Looks(false))), [false; 0]);
     assert_eq!(
-        asks(at(0.7), Some(In::Looks(false))),
+        asks(at(0.6), Some(In::Ask(Interest::Looks, false))),
+        [false; 0]
+    );
+    assert_eq!(
+        asks(at(0.7), Some(In::Ask(Interest::Looks, false))),
         [false; 0],
         "nothing new"
     );
-    assert_eq!(asks(at(0.8), Some(In::Looks(true))), [true]);
+    assert_eq!(asks(at(0.8), Some(In::Ask(Interest::Looks, true))), [true]);
     assert_eq!(asks(at(2.7), None), [false; 0]);
     assert_eq!(asks(at(2.8), None), [true]);
+    assert_eq!(asks(at(2.9), Some(In::Ask(Interest::Fleet, true))), [false]);
+    let interest = &operator.actor().settings.hello.interest;
+    assert_eq!(*interest, [Interest::Fleet, Interest::Looks], "ascending");
 }
 
 #[test]

@@ -24,7 +24,7 @@ use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout};
 use tokio_rustls::rustls::ServerConfig;
-use tomoswarm_proto::RunId;
+use tomoswarm_proto::{RunId, Sender};
 
 use self::looks::{
     cell, export, ghost, links, mesh, metrics, places, preflight, settings, waypoints, why,
@@ -174,8 +174,8 @@ pub(super) enum LookWord {
     Ghost,
     /// Who has seen a cell of the map, JSON.
     Cell(CellQuestion),
-    /// What is set, TOML with the meaning of each key.
-    Settings,
+    /// What is set, by this process or by a node, TOML with the meaning of each key.
+    Settings(Option<Sender>),
     /// These places (JSON) as a mission of QGroundControl.
     Waypoints(Vec<u8>, MissionFormat),
     /// The places (JSON) of such a mission.

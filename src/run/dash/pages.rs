@@ -235,7 +235,7 @@ impl Pages {
                     LookWord::Mesh => self.server.mesh(token),
                     LookWord::Ghost => self.server.ghost(token),
                     LookWord::Cell(asked) => self.server.cell(now, token, asked),
-                    LookWord::Settings => self.server.settings(token),
+                    LookWord::Settings(of) => self.server.settings(token, of),
                     LookWord::Waypoints(places, format) => {
                         self.server.waypoints(token, &places, format)
                     }

@@ -15,6 +15,8 @@ mod node_exchange;
 #[cfg(test)]
 mod tests;
 
+use std::fmt;
+
 use tomoswarm_proto::{Boot, Hello, Interest, Message, OperatorId, VehicleId};
 
 use self::node_exchange::NodeExchange;
@@ -100,6 +102,11 @@ impl Network {
     /// Returns whether a node is at the bus, whether or not it may take part.
     pub(super) fn is_joined(&mut self, node: NodePlace) -> bool {
         self.at(node).is_joined()
+    }
+
+    /// Lets whoever listens to the bus hear a line of a node's log.
+    pub(super) fn overhear(&mut self, now: Time, node: NodeId, line: fmt::Arguments<'_>) {
+        self.bus.overhear(now, node, line);
     }
 
     /// Lets a node say something: it goes out at once, or when it is its turn.

@@ -1,5 +1,5 @@
-//! What nodes said to each other, from their recordings: of each recorded node what it said, and of the others what the ground
-//! station or an operator heard of them. Nothing is computed again.
+//! What nodes said to each other, from their recordings: of each recorded node what it said and noted, and of the others what the
+//! ground station or an operator heard of them. Nothing is computed again.
 //!
 //! Times are those of the run: of simulated nodes the virtual time, otherwise the time since the first of the nodes started, by
 //! the nodes' own clocks.
@@ -9,7 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use tomoswarm_proto::{Message, OperatorId, Sender, VehicleId, codec};
+use tomoswarm_proto::{
+    LOG_LINE_BYTES_MAX, LogLine, LogLines, LogSeverity, Message, OperatorId, Sender, VehicleId,
+    codec, fitted,
+};
 
 use super::actors::{self, BusStep};
 use super::reader::{ReadError, Reader, RecordingContents};
@@ -62,6 +65,7 @@ pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
             "not all nodes say when they started; those are shown as if they had started first";
         run.notes.push(note.to_owned());
     }
+    let mut lines = Vec::new();
     for segment in all {
         let offset_ns = segment.utc_at_zero_ns.map_or(0, |start| start - first_ns);
         let shifted = |at: Time| Time::from_nanos(at.as_nanos().saturating_add(offset_ns));
@@ -77,9 +81,49 @@ pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
         let heard = heard.filter(|(_, heard)| is_wanted(heard) && segment.node == hears_for_all);
         let heard = heard.map(|(at, heard)| (shifted(at), heard));
         run.heard.extend(said.chain(heard));
+        let node = segment.node;
+        let of_node = segment.lines.into_iter();
+        let of_node = of_node.filter_map(|(at, text)| Some((shifted(at), node?, text)));
+        lines.extend(of_node);
     }
+    run.heard.extend(numbered(lines));
     run.heard.sort_by_key(|(at, _)| *at);
     Ok(run)
+}
+
+/// Returns lines of nodes' logs as they would have been said to operators, numbered for each node over all its starts.
+fn numbered(mut lines: Vec<(Time, Sender, String)>) -> Vec<(Time, HeardMessage)> {
+    lines.sort_by_key(|(at, ..)| *at);
+    let mut counts = BTreeMap::<Sender, u32>::new();
+    let said = lines.into_iter().map(|(at, node, text)| {
+        let number = counts.entry(node).or_default();
+        *number = number.saturating_add(1);
+        let line = LogLine {
+            number: *number,
+            age_ms: 0,
+            severity: LogSeverity::Info,
+            text: fitted(text, LOG_LINE_BYTES_MAX),
+        };
+        let log = LogLines {
+            node,
+            instance: 1,
+            lines: vec![line],
+        };
+        (at, HeardMessage::Message(node, Message::Log(log)))
+    });
+    said.collect()
+}
+
+/// Returns a line that a recording shows people; `None` = it cannot be read, and nothing depends on it.
+fn line(data: &[u8]) -> Option<(Time, String)> {
+    let line: serde_json::Value = serde_json::from_slice(data).ok()?;
+    let of = |name: &str| line["timestamp"][name].as_u64();
+    let at = Time::from_nanos(
+        of("sec")?
+            .checked_mul(1_000_000_000)?
+            .checked_add(of("nsec")?)?,
+    );
+    Some((at, line["message"].as_str()?.to_owned()))
 }
 
 /// Returns by whom is told what those said who were not recorded: the ground station, or else the first operator.
@@ -99,6 +143,8 @@ struct SegmentContents {
     is_known: bool,
     said: Vec<(Time, Message)>,
     heard: Vec<(Time, HeardMessage)>,
+    /// What it noted for people.
+    lines: Vec<(Time, String)>,
 }
 
 fn read(path: &Path, run: &mut RecordedRun) -> Result<SegmentContents, String> {
@@ -140,6 +186,10 @@ impl SegmentContents {
             RecordingContents::Message { .. } if !self.is_known => return Err(FOREIGN.to_owned()),
             RecordingContents::Message { topic, data } => (topic, data),
         };
+        if topic.ends_with("/log") {
+            self.lines.extend(line(&data));
+            return Ok(());
+        }
         let Some(name) = topic.trim_start_matches('/').strip_suffix("/step") else {
             return Ok(());
         };

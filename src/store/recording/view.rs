@@ -10,6 +10,7 @@ use tomoswarm_proto::{Message, State, TileReport, VehicleId};
 
 use super::schema::Schema;
 use crate::actor::{ActorStep, RecordedStep, StepCause};
+use crate::autopilot::link::{self, AutopilotLink};
 use crate::geom::{Cell, Lattice, Point};
 use crate::ground::imager::{ImagerActor, ReconstructedImage, Subject};
 use crate::ground::station::{self, Station};
@@ -17,6 +18,7 @@ use crate::map::Merged;
 use crate::node::map::{self, Map};
 use crate::node::mission::{self, Mission};
 use crate::node::vehicle::{self, Vehicle};
+use crate::stops::{self, Stops};
 use crate::time::Time;
 
 /// The frame of all poses: the venue's axes, metres.
@@ -73,6 +75,20 @@ impl RecordingView {
         }) = step.of::<Vehicle>()
         {
             shown.extend(output.iter().filter_map(|out| self.vehicle(now, out)));
+        } else if let Some(RecordedStep { outputs, .. }) = step.of::<AutopilotLink>() {
+            shown.extend(outputs.iter().filter_map(|out| match out {
+                link::Out::LinkEvent(event) => {
+                    Some(self.log(now, INFO, "autopilot", &format!("autopilot: {event}")))
+                }
+                _ => None,
+            }));
+        } else if let Some(RecordedStep { outputs, .. }) = step.of::<Stops>() {
+            shown.extend(outputs.iter().filter_map(|out| match out {
+                stops::Out::StopEvent(event) => {
+                    Some(self.log(now, INFO, "stops", &event.to_string()))
+                }
+                _ => None,
+            }));
         } else if let Some(RecordedStep {
             outputs: output, ..
         }) = step.of::<Mission>()
@@ -164,7 +180,9 @@ impl RecordingView {
                 | Message::Image(_)
                 | Message::Fix(_)
                 | Message::Mark(_)
-                | Message::Look(_) => {}
+                | Message::Look(_)
+                | Message::Log(_)
+                | Message::Settings(_) => {}
             }
         }
         for out in &step.outputs {

@@ -7,7 +7,7 @@ use axum::extract::{Request as HttpRequest, State};
 use axum::http::header::{self, HeaderMap};
 use axum::http::{StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
-use tomoswarm_proto::RunId;
+use tomoswarm_proto::{RunId, Sender, VehicleId};
 
 use super::{
     CellQuestion, GateRefusal, JSON_TYPE, LookWord, MissionFormat, PageId, Request, Shared, ask,
@@ -52,8 +52,27 @@ pub(super) async fn ghost(State(shared): State<Arc<Shared>>, headers: HeaderMap)
     look(&shared, LookWord::Ghost, &headers, JSON_TYPE).await
 }
 
-pub(super) async fn settings(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
-    look(&shared, LookWord::Settings, &headers, PLAIN_TYPE).await
+/// What is set by this process, or by a node: `of=ground` or `of=NUMBER` of a vehicle.
+pub(super) async fn settings(
+    State(shared): State<Arc<Shared>>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Response {
+    let of = match value_of(&uri, "of") {
+        None => Some(None),
+        Some("ground") => Some(Some(Sender::Ground)),
+        Some(number) => {
+            let number = number.parse().ok().filter(|id| (1..=250).contains(id));
+            number.map(|id| Some(Sender::Vehicle(VehicleId(id))))
+        }
+    };
+    match of {
+        Some(of) => look(&shared, LookWord::Settings(of), &headers, PLAIN_TYPE).await,
+        None => {
+            let expected = "of=ground is expected, or of=NUMBER of a vehicle".to_owned();
+            refused(&GateRefusal::Unreadable(expected))
+        }
+    }
 }
 
 /// Who has seen a cell: `x=METRES&y=METRES`, perhaps `slice=NUMBER` and `page=NUMBER`.
