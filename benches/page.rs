@@ -17,12 +17,14 @@
 mod eight;
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use self::eight::{VEHICLES, scenario};
 use serde_json::json;
 use tomoswarm::dash::board::Board;
+use tomoswarm::dash::frame::FrameKind;
 use tomoswarm::dash::gate::{Gate, PageId};
 use tomoswarm::dash::page_server::{PageEffect, PageServer};
 use tomoswarm::geom::Lattice;
@@ -84,6 +86,8 @@ struct Readers {
     pages: Vec<PageId>,
     frames: u64,
     bytes: u64,
+    /// Bytes of each kind of frame, by its number.
+    kinds: BTreeMap<u8, u64>,
     /// What the server has computed for.
     spent: Duration,
 }
@@ -100,6 +104,7 @@ impl Readers {
             pages: opened.collect(),
             frames: 0,
             bytes: 0,
+            kinds: BTreeMap::new(),
             spent: Duration::ZERO,
         }
     }
@@ -112,6 +117,7 @@ impl Readers {
             for effect in server.due(now) {
                 if let PageEffect::Send(page, frame) = effect {
                     self.frames += 1;
+                    *self.kinds.entry(frame[0]).or_default() += frame.len() as u64;
                     self.bytes += frame.len() as u64;
                     is_sent = true;
                     let credit = r#"{"credit":1}"#;
@@ -131,6 +137,7 @@ impl Readers {
         // A page that has just come is sent all that there is.
         self.read(server, began);
         (self.frames, self.bytes, self.spent) = (0, 0, Duration::ZERO);
+        self.kinds.clear();
         let mut turn = began;
         for (at, heard) in said {
             while turn <= *at {
@@ -146,6 +153,13 @@ impl Readers {
 
     fn print(&self, vehicles: u8, seconds: f64) {
         let pages = self.pages.len() as f64;
+        for (number, bytes) in &self.kinds {
+            let kind = FrameKind::ALL
+                .into_iter()
+                .find(|kind| *kind as u8 == *number);
+            let each = *bytes as f64 / seconds / pages / 1e3;
+            println!("  {kind:?}: {each:.2} kB/s");
+        }
         println!(
             "{vehicles} vehicles, {pages} pages: {:.1} kB/s a page, {:.1} frames/s; the server computes for {:.2} % of the time",
             self.bytes as f64 / seconds / pages / 1e3,

@@ -41,7 +41,7 @@ const image = new ImagePanel(model);
 new WhyPanel(model, scene, token);
 new CellView(model, scene, view, token);
 const panels = {
-  plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
+  plan: { panel: new PlanPanel(model), of: ["timetable", "progress", "welcome"] },
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
   check: { panel: new PreflightPanel(model, token), of: ["states", "vehicle", "ground", "moment", "welcome"] },

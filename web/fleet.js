@@ -96,7 +96,7 @@ export class Fleet {
       state?.battery == null ? "–" : `${Math.round(state.battery * 100)} %`,
       vehicle.ordered ?? "–",
       age_s === null ? "–" : `${age_s.toFixed(1)} s`,
-      health ? health.waiting : "–",
+      state?.waiting == null ? "–" : String(state.waiting),
       health ? health.hears.join(", ") || "nobody" : "–",
       troublesText(vehicle),
     ];

@@ -20,6 +20,7 @@ export const KIND = {
   Track: 15,
   Marks: 16,
   Look: 17,
+  Progress: 18,
 };
 
 export const STATE = [
@@ -35,6 +36,7 @@ export const STATE = [
   ["speed_mmps", "u16"],
   ["battery_permille", "u16"],
   ["age_ms", "u32"],
+  ["waiting", "u16"],
 ];
 
 export const TILE = [

@@ -47,6 +47,9 @@ export class Model {
     this.ground = null;
     this.pairs = new Map();
     this.history = new Map();
+    /** The plans against time, and how far vehicles are in them; `timetable` is both, of one revision. */
+    this.table = null;
+    this.progress = null;
     this.timetable = null;
     this.events = [];
     this.marks = { marks: [], given: [] };
@@ -227,7 +230,8 @@ export class Model {
       case KIND.Look: this.looks.set(value.id, { ...value, at_ms: now_ms }); break;
       case KIND.Finds: this.finds.set(value.subject, value); break;
       case KIND.Marks: this.marks = value; break;
-      case KIND.Timetable: this.timetable = value; break;
+      case KIND.Timetable: this.takeTimetable(value, this.progress); break;
+      case KIND.Progress: this.takeTimetable(this.table, value); break;
       case KIND.Events: this.takeEvents(value.events); break;
       case KIND.Moment: this.takeMoment(value); break;
       case KIND.Markers: this.markers = [...this.markers, ...value.markers].slice(-EVENTS_MOST); break;
@@ -235,6 +239,16 @@ export class Model {
     }
     const names = Object.entries(KIND).find(([, number]) => number === frame.kind);
     this.changed.add(names[0].toLowerCase());
+  }
+
+  /** The plans against time with how far vehicles are in them, as far as that is of the same plans. */
+  takeTimetable(table, progress) {
+    [this.table, this.progress] = [table, progress];
+    const isOfIt = table && progress && table.run === progress.run && table.revision === progress.revision;
+    const said = new Map((isOfIt ? progress.rows : []).map((row) => [row.vehicle, row]));
+    const unsaid = { isFollowed: false, done: null, leg: null, waitsFor: [] };
+    const rows = (table?.rows ?? []).map((row) => ({ ...row, ...(said.get(row.vehicle) ?? unsaid) }));
+    this.timetable = table && { ...table, reached_s: isOfIt ? progress.reached_s : 0, rows };
   }
 
   /** The way that a vehicle is committed to, from where it is; empty = none. */
@@ -289,6 +303,7 @@ function stateOf(record, now_ms) {
     sd: record.sd_mm === UNKNOWN ? null : record.sd_mm / 1000,
     speed: record.speed_mmps / 1000,
     battery: record.battery_permille === UNKNOWN ? null : record.battery_permille / 1000,
+    waiting: record.waiting === UNKNOWN ? null : record.waiting,
     at_ms: now_ms - record.age_ms,
   };
 }

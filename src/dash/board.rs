@@ -22,7 +22,7 @@ use super::marks::{MarkBook, MarkOrder, in_metres};
 use super::newest_image::NewestImage;
 use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
-use super::texts::{corners_ahead, outcome_in_words};
+use super::texts::{corners_ahead, outcome_in_words, shown_of_health, shown_of_mission};
 use super::timetable::{ProgressOf, Timetable};
 use super::track::Track;
 use crate::geom::Lattice;
@@ -71,8 +71,10 @@ pub enum Subject {
     Vehicle(VehicleId),
     /// The plan of a vehicle.
     Plan(VehicleId),
-    /// The plans against time, and who waits for whom.
+    /// The plans against time.
     Timetable,
+    /// How far vehicles are in it, and who waits for whom.
+    Progress,
     /// Where somebody truly stands.
     Marks,
     /// What happened.
@@ -94,6 +96,9 @@ pub enum Subject {
     /// A part of an image.
     Stripe(ImageSubject, u16),
 }
+
+/// What is shown of all plans together.
+const OF_PLANS: [Subject; 2] = [Subject::Timetable, Subject::Progress];
 
 /// The newest of everything.
 #[derive(Clone, Debug)]
@@ -342,14 +347,14 @@ impl Board {
                 .map(|part| Subject::Stripe(*subject, *part));
             stripes.chain([Subject::Finds(*subject)])
         });
-        let timetable = (!self.plans.is_empty()).then_some(Subject::Timetable);
+        let of_plans = OF_PLANS.into_iter().filter(|_| !self.plans.is_empty());
         let events = (self.events.last() > 0).then_some(Subject::Events);
         let marks = (!self.marks.is_empty()).then_some(Subject::Marks);
         [Subject::Orders, Subject::Ground]
             .into_iter()
             .chain(vehicles)
             .chain(self.plans.keys().map(|id| Subject::Plan(*id)))
-            .chain(timetable)
+            .chain(of_plans)
             .chain(events)
             .chain(marks)
             .chain(self.radio.pairs().map(Subject::Radio))
@@ -425,17 +430,20 @@ impl Board {
             Message::Mission(mission) => {
                 let known = self.view.vehicle(mission.vehicle);
                 let known = known.and_then(|seen| seen.mission.as_ref());
-                if known.is_none_or(|known| known.value != *mission) {
+                let known = known.map(|known| &known.value);
+                if known.map(shown_of_mission) != Some(shown_of_mission(mission)) {
                     self.changes.insert(Subject::Vehicle(mission.vehicle));
-                    if !self.plans.is_empty() {
-                        self.changes.insert(Subject::Timetable);
-                    }
+                }
+                let is_same = known.is_some_and(|known| known.progress == mission.progress);
+                if !is_same && !self.plans.is_empty() {
+                    self.changes.insert(Subject::Progress);
                 }
             }
             Message::Health(health) => {
                 let known = self.view.vehicle(health.vehicle);
                 let known = known.and_then(|seen| seen.health.as_ref());
-                if known.is_none_or(|known| known.value != *health) {
+                let known = known.map(|known| shown_of_health(&known.value));
+                if known != Some(shown_of_health(health)) {
                     self.changes.insert(Subject::Vehicle(health.vehicle));
                 }
             }
@@ -479,7 +487,7 @@ impl Board {
                     self.plans.insert(plan.vehicle, plan.clone());
                     self.changes.insert(Subject::Plan(plan.vehicle));
                     self.timetable = OnceCell::new();
-                    self.changes.insert(Subject::Timetable);
+                    self.changes.extend(OF_PLANS);
                 }
             }
             Message::Image(image) => self.keep_image(now, image),

@@ -57,11 +57,13 @@ pub enum FrameKind {
     Marks = 16,
     /// Text: what the range sensors of one vehicle heard of late.
     Look = 17,
+    /// Text: how far vehicles are in the plans against time, and who waits for whom.
+    Progress = 18,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 17] = [
+    pub const ALL: [FrameKind; 18] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -79,6 +81,7 @@ impl FrameKind {
         FrameKind::Track,
         FrameKind::Marks,
         FrameKind::Look,
+        FrameKind::Progress,
     ];
 }
 
@@ -119,7 +122,7 @@ const fn field(name: &'static str, kind: FieldType) -> Field {
     Field { name, kind }
 }
 
-/// Where one vehicle is; a battery of 65,535 and a deviation of 65,535 are not known.
+/// Where one vehicle is and how it fares; a battery, a deviation and a number of samples that wait of 65,535 are not known.
 pub const STATE: RecordLayout = RecordLayout {
     name: "STATE",
     fields: &[
@@ -135,6 +138,7 @@ pub const STATE: RecordLayout = RecordLayout {
         field("speed_mmps", FieldType::U16),
         field("battery_permille", FieldType::U16),
         field("age_ms", FieldType::U32),
+        field("waiting", FieldType::U16),
     ],
 };
 
@@ -319,7 +323,9 @@ mod tests {
     /// The frames of `tests/data/dash/frames.txt`, which the page's own code reads in the browser's test.
     fn golden() -> Vec<(&'static str, Vec<u8>)> {
         let now = Time::from_secs_f64(12.5);
-        let state = STATE.record([3, 1, 2, 7, -1500, 2_000_000, 0, 62_831, 50, 400, 870, 40]);
+        let state = STATE.record([
+            3, 1, 2, 7, -1500, 2_000_000, 0, 62_831, 50, 400, 870, 40, 12,
+        ]);
         let cells: [i8; TILE_CELLS] = std::array::from_fn(|place| match place {
             0..32 => 17,
             32..40 => place as i8 - 36,
@@ -379,7 +385,7 @@ mod tests {
 
     #[test]
     fn a_record_is_as_long_as_its_fields_and_holds_the_nearest_of_what_it_cannot() {
-        assert_eq!(STATE.bytes(), 28);
+        assert_eq!(STATE.bytes(), 30);
         let bytes = TILE.record([i64::MIN, i64::MAX, -1, 70_000]);
         assert_eq!(
             bytes,

@@ -30,6 +30,8 @@ const TILES_EVERY: Duration = Duration::from_millis(50);
 const RADIO_EVERY: Duration = Duration::from_secs(1);
 /// Between two frames of which moment is shown.
 const MOMENT_EVERY: Duration = Duration::from_secs(1);
+/// Between two words of how far vehicles are in their plans.
+const PROGRESS_EVERY: Duration = Duration::from_secs(1);
 
 /// What a page is shown.
 #[derive(Clone, Copy)]
@@ -60,7 +62,7 @@ pub struct Outbox {
     /// What of each class went last.
     sent_last: [Option<Subject>; 5],
     /// Before which time nothing of each rate goes.
-    rates_at: [Time; 4],
+    rates_at: [Time; 5],
     /// The number of the last event that was sent.
     events_sent: u64,
     /// The number of the last marker that was sent.
@@ -82,7 +84,7 @@ impl Outbox {
             in_flight: 0,
             passed_over: [0; 5],
             sent_last: [None; 5],
-            rates_at: [now; 4],
+            rates_at: [now; 5],
             events_sent: 0,
             markers_sent: 0,
             is_anew: false,
@@ -94,7 +96,7 @@ impl Outbox {
     pub fn show_anew(&mut self, now: Time, board: &Board) {
         let markers = self.waiting.get(&Subject::Markers).copied();
         self.waiting = everything(board, self.rides, markers);
-        (self.passed_over, self.rates_at) = ([0; 5], [now; 4]);
+        (self.passed_over, self.rates_at) = ([0; 5], [now; 5]);
         self.sent_last = [None; 5];
         (self.events_sent, self.is_anew, self.is_filling) = (0, true, true);
     }
@@ -266,6 +268,7 @@ impl Outbox {
             | Subject::Vehicle(_)
             | Subject::Plan(_)
             | Subject::Timetable
+            | Subject::Progress
             | Subject::Marks
             | Subject::Track(_)
             | Subject::Look(_)
@@ -326,6 +329,7 @@ fn rate(subject: Subject) -> Option<(usize, Duration)> {
         Subject::Tile(_) => Some((1, TILES_EVERY)),
         Subject::Radio(_) => Some((2, RADIO_EVERY)),
         Subject::Moment => Some((3, MOMENT_EVERY)),
+        Subject::Progress => Some((4, PROGRESS_EVERY)),
         Subject::Orders
         | Subject::Ground
         | Subject::Vehicle(_)
@@ -350,6 +354,7 @@ fn class(subject: Subject) -> usize {
         | Subject::Vehicle(_)
         | Subject::Plan(_)
         | Subject::Timetable
+        | Subject::Progress
         | Subject::Marks
         | Subject::Events
         | Subject::Moment

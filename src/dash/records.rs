@@ -59,6 +59,9 @@ pub fn state(now: Time, board: &Board, id: VehicleId) -> Option<Vec<u8>> {
         .map(|(bit, is_set)| i64::from(*is_set) << bit)
         .sum();
     let speed_mps = libm::hypot(state.velocity.x_mps(), state.velocity.y_mps());
+    let vehicle = board.view().vehicle(id);
+    let health = vehicle.and_then(|seen| seen.health.as_ref());
+    let waiting = health.map(|health| health.value.samples_waiting);
     Some(STATE.record([
         i64::from(id.0),
         MODES.iter().position(|of| *of == state.mode).unwrap_or(0) as i64,
@@ -72,6 +75,7 @@ pub fn state(now: Time, board: &Board, id: VehicleId) -> Option<Vec<u8>> {
         (speed_mps * 1000.0) as i64,
         state.battery.map_or(UNKNOWN, |charge| i64::from(charge.0)),
         newest.age(now).as_millis() as i64,
+        waiting.map_or(UNKNOWN, |waiting| waiting.min(UNKNOWN as u64 - 1) as i64),
     ]))
 }
 

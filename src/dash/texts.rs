@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::{
-    Covariance, EmergencyStop, Find, Image, ImageSubject, Plan, Position, State, StopId, StopScope,
-    VehicleId,
+    AutopilotHealth, Covariance, EmergencyStop, Find, Health, Image, ImageSubject, MissionProgress,
+    Plan, Position, Progress, State, StopId, StopScope, VehicleId,
 };
 
 use super::board::Board;
@@ -18,7 +18,7 @@ use super::newest_image::EarlierFinds;
 use super::orders::GivenOrder;
 use super::outbox::Shown;
 use super::records::{MODES, STANDS_UNDER, subject_number};
-use super::timetable::SHOWN_SPEED_MPS;
+use super::timetable::{SHOWN_SPEED_MPS, Timetable};
 use crate::config::{DeclaredKey, GivenMission, Venue};
 use crate::geom::{Point, Polygon};
 use crate::operator::given_marks::MarkOutcome;
@@ -180,7 +180,6 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
     let health = health.map(|health| {
         let autopilot = health.autopilot.as_ref();
         json!({
-            "waiting": health.samples_waiting.to_string(),
             "lost": health.samples_lost.to_string(),
             "hears": ids(&health.hears),
             "troubles": health.troubles,
@@ -202,6 +201,32 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
         "health": health,
     });
     Some(text.to_string())
+}
+
+/// Returns what is shown of a mission in its vehicle's row: everything but how far it is in a plan, and by whose right.
+pub(super) fn shown_of_mission(mission: &MissionProgress) -> MissionProgress {
+    MissionProgress {
+        progress: Progress::default(),
+        lease_number: 0,
+        ..mission.clone()
+    }
+}
+
+/// Returns what is shown of a vehicle's health in its row, but for what its records say.
+pub(super) fn shown_of_health(health: &Health) -> Health {
+    let autopilot = health.autopilot.as_ref();
+    Health {
+        vehicle: health.vehicle,
+        samples_lost: health.samples_lost,
+        hears: health.hears.clone(),
+        troubles: health.troubles.clone(),
+        autopilot: autopilot.map(|of| AutopilotHealth {
+            family: of.family,
+            firmware: of.firmware.clone(),
+            ..AutopilotHealth::default()
+        }),
+        ..Health::default()
+    }
 }
 
 /// Returns the corners of the way that a vehicle is committed to, without the first: that is where it is, which its records say ten
@@ -244,50 +269,73 @@ pub fn track(board: &Board, id: VehicleId) -> Option<String> {
     Some(json!({ "id": id.0, "places_cm": places }).to_string())
 }
 
-/// Returns the plans against time: of every vehicle when each stop can begin and is done, how far it is, and for whom it waits;
-/// and the chain of stops that takes longest.
+/// Returns the plans against time: for each vehicle its stops with what each waits for and when it is expected, and the chain that
+/// takes longest. It is long, and changes with the plans alone.
 pub fn timetable(board: &Board) -> String {
     let Some(table) = board.timetable() else {
         return json!({ "rows": [] }).to_string();
     };
-    let progress = board.progress();
-    let name = |(of, stop): &(VehicleId, StopId)| json!([of.0, stop.0]);
     let row = |(plan, expected): (&Plan, &[ExpectedStop])| {
-        let said = progress.get(&plan.vehicle);
-        let said = said.filter(|said| (said.run, said.revision) == (plan.run, plan.revision));
         let times = expected
             .iter()
             .map(|stop| [tenths(stop.ready_s), tenths(stop.done_s)]);
         let after = plan
             .stops
             .iter()
-            .map(|stop| stop.after.iter().map(name).collect());
-        let waits_for = table.waits_for(plan.vehicle, &progress);
+            .map(|stop| stop.after.iter().map(name_of_stop).collect());
         json!({
             "vehicle": plan.vehicle.0,
             "stops": plan.stops.iter().map(|stop| stop.id.0).collect::<Vec<_>>(),
             "after": after.collect::<Vec<Vec<Value>>>(),
             "times_s": times.collect::<Vec<_>>(),
-            "isFollowed": said.is_some(),
-            "done": said.and_then(|said| said.done).map(|stop| stop.0),
-            "leg": said.and_then(|said| said.leg).map(|stop| stop.0),
-            "waitsFor": waits_for.iter().map(name).collect::<Vec<_>>(),
         })
     };
-    let edition = table
-        .rows()
-        .next()
-        .map(|(plan, _)| (plan.run.0, plan.revision.0));
+    let edition = edition_of(table);
     json!({
         "run": edition.map(|(run, _)| run),
         "revision": edition.map(|(_, revision)| revision),
         "speed_mps": SHOWN_SPEED_MPS,
         "length_s": tenths(table.length_s()),
-        "reached_s": tenths(table.reached_s(&progress)),
-        "chain": table.longest_chain().iter().map(name).collect::<Vec<_>>(),
+        "chain": table.longest_chain().iter().map(name_of_stop).collect::<Vec<_>>(),
         "rows": table.rows().map(row).collect::<Vec<_>>(),
     })
     .to_string()
+}
+
+/// Returns how far vehicles are in the plans against time, and who waits for whom now; `None` while there are none.
+pub fn progress(board: &Board) -> Option<String> {
+    let table = board.timetable()?;
+    let progress = board.progress();
+    let row = |(plan, _): (&Plan, &[ExpectedStop])| {
+        let said = progress.get(&plan.vehicle);
+        let said = said.filter(|said| (said.run, said.revision) == (plan.run, plan.revision));
+        let waits_for = table.waits_for(plan.vehicle, &progress);
+        json!({
+            "vehicle": plan.vehicle.0,
+            "isFollowed": said.is_some(),
+            "done": said.and_then(|said| said.done).map(|stop| stop.0),
+            "leg": said.and_then(|said| said.leg).map(|stop| stop.0),
+            "waitsFor": waits_for.iter().map(name_of_stop).collect::<Vec<_>>(),
+        })
+    };
+    let edition = edition_of(table);
+    let text = json!({
+        "run": edition.map(|(run, _)| run),
+        "revision": edition.map(|(_, revision)| revision),
+        "reached_s": tenths(table.reached_s(&progress)),
+        "rows": table.rows().map(row).collect::<Vec<_>>(),
+    });
+    Some(text.to_string())
+}
+
+fn name_of_stop((of, stop): &(VehicleId, StopId)) -> Value {
+    json!([of.0, stop.0])
+}
+
+/// Returns the run and the revision of plans.
+fn edition_of(table: &Timetable) -> Option<(u32, u32)> {
+    let first = table.rows().next();
+    first.map(|(plan, _)| (plan.run.0, plan.revision.0))
 }
 
 fn tenths(of: f64) -> f64 {

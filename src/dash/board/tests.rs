@@ -264,13 +264,52 @@ fn plans_that_are_complete_have_a_timetable_and_progress_changes_it() {
         "the plan of vehicle 2 is missing"
     );
     let second = changes(&mut board, 0.1, plan(2));
-    assert!(second.contains(&Subject::Timetable) && board.timetable().is_some());
+    assert!(OF_PLANS.iter().all(|of| second.contains(of)) && board.timetable().is_some());
     let mission = Message::Mission(tomoswarm_proto::MissionProgress {
         vehicle: VehicleId(1),
         ..tomoswarm_proto::MissionProgress::default()
     });
-    assert!(changes(&mut board, 0.2, mission.clone()).contains(&Subject::Timetable));
+    let changed = changes(&mut board, 0.2, mission.clone());
+    assert!(changed.contains(&Subject::Progress) && !changed.contains(&Subject::Timetable));
     assert_eq!(changes(&mut board, 0.3, mission), [], "it was said again");
+}
+
+#[test]
+fn a_row_is_told_anew_when_something_that_it_shows_has_changed() {
+    let mut board = board();
+    let mut health = tomoswarm_proto::Health {
+        vehicle: VehicleId(1),
+        ..tomoswarm_proto::Health::default()
+    };
+    let row = Subject::Vehicle(VehicleId(1));
+    let mut is_told = |health: &tomoswarm_proto::Health| {
+        changes(&mut board, 0.1, Message::Health(health.clone())).contains(&row)
+    };
+    assert!(is_told(&health), "it is the first");
+    health.samples_waiting = 7;
+    health.disk_free_mb = Some(900);
+    health.radio = Some(tomoswarm_proto::RadioHealth::default());
+    assert!(
+        !is_told(&health),
+        "records say the one, preflight the others"
+    );
+    health.hears = vec![VehicleId(2)];
+    assert!(is_told(&health));
+    health.troubles = vec!["no echo".to_owned()];
+    assert!(is_told(&health) && !is_told(&health));
+
+    let mut mission = tomoswarm_proto::MissionProgress {
+        vehicle: VehicleId(1),
+        ..tomoswarm_proto::MissionProgress::default()
+    };
+    let mut is_told = |mission: &tomoswarm_proto::MissionProgress| {
+        changes(&mut board, 0.2, Message::Mission(mission.clone())).contains(&row)
+    };
+    assert!(is_told(&mission));
+    mission.progress.done = Some(tomoswarm_proto::StopId(3));
+    assert!(!is_told(&mission));
+    mission.places_left = 4;
+    assert!(is_told(&mission) && !is_told(&mission));
 }
 
 #[test]
