@@ -158,7 +158,8 @@ impl Readers {
                 .into_iter()
                 .find(|kind| *kind as u8 == *number);
             let each = *bytes as f64 / seconds / pages / 1e3;
-            println!("  {kind:?}: {each:.2} kB/s");
+            let name = kind.map_or("?".to_owned(), |kind| format!("{kind:?}"));
+            println!("  {name}: {each:.2} kB/s");
         }
         println!(
             "{vehicles} vehicles, {pages} pages: {:.1} kB/s a page, {:.1} frames/s; the server computes for {:.2} % of the time",
@@ -226,7 +227,7 @@ fn main() {
     let (server, last) = &mut *shared.borrow_mut();
     let mut readers = Readers::open(server, split, 5);
     let seconds = readers.follow(server, last);
-    print!("after {hours} h, ");
+    println!("after {hours} h:");
     readers.print(VEHICLES, seconds);
     if let (Some(before), Some(after)) = (before, memory()) {
         println!(

@@ -42,6 +42,7 @@ pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
 pub use schedule::{
     ExpectedStop, Lap, PlannedSweep, Schedule, expected_duration_s, expected_stops, has_done,
+    stops_done,
 };
 pub use separation::check_separation;
 pub use snap::snap_to_boundary;

@@ -208,7 +208,7 @@ pub(super) fn shown_of_mission(mission: &MissionProgress) -> MissionProgress {
     MissionProgress {
         progress: Progress::default(),
         lease_number: 0,
-        ..mission.clone()
+        ..*mission
     }
 }
 

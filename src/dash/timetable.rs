@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use tomoswarm_proto::{Plan, StopId, VehicleId};
 
-use crate::sweep::{ExpectedStop, VehicleProgress, expected_stops, has_done};
+use crate::sweep::{ExpectedStop, VehicleProgress, expected_stops, has_done, stops_done};
 
 /// The speed that times are shown for, m/s: vehicles do not say theirs.
 pub const SHOWN_SPEED_MPS: f64 = 0.5;
@@ -73,10 +73,8 @@ impl Timetable {
     pub fn reached_s(&self, progress: &ProgressOf) -> f64 {
         let reached = self.rows().flat_map(|(plan, expected)| {
             let said = progress.get(&plan.vehicle);
-            let stops = plan.stops.iter().zip(expected);
-            let done = stops
-                .filter(move |(stop, _)| said.is_some_and(|said| has_done(plan, said, stop.id)));
-            done.map(|(_, expected)| expected.done_s)
+            let done = said.map_or(0, |said| stops_done(plan, said));
+            expected.iter().take(done).map(|stop| stop.done_s)
         });
         reached.fold(0.0, f64::max)
     }
@@ -91,11 +89,7 @@ impl Timetable {
         if !follows || said.leg.is_some() {
             return Vec::new();
         }
-        let Some(next) = plan
-            .stops
-            .iter()
-            .find(|stop| !has_done(plan, said, stop.id))
-        else {
+        let Some(next) = plan.stops.get(stops_done(plan, said)) else {
             return Vec::new();
         };
         let is_open = |(of, stop): &&(VehicleId, StopId)| {

@@ -35,11 +35,19 @@ pub struct Lap {
 ///
 /// Progress of another vehicle, run or revision says nothing of the plan.
 pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
+    let done = &plan.stops[..stops_done(plan, progress)];
+    done.iter().any(|candidate| candidate.id == stop)
+}
+
+/// Returns how many stops of its plan a vehicle's progress says to be done: the first ones.
+///
+/// Progress of another vehicle, run or revision says nothing of the plan.
+pub fn stops_done(plan: &Plan, progress: &VehicleProgress) -> usize {
     let same = (plan.vehicle, plan.run, plan.revision)
         == (progress.vehicle, progress.run, progress.revision);
     let index = |id: StopId| plan.stops.iter().position(|candidate| candidate.id == id);
-    let done = progress.done.and_then(index);
-    same && index(stop).is_some_and(|wanted| done.is_some_and(|last| last >= wanted))
+    let last = progress.done.filter(|_| same).and_then(index);
+    last.map_or(0, |last| last + 1)
 }
 
 /// When a stop of a plan is expected to be done.

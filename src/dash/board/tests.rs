@@ -303,7 +303,7 @@ fn a_row_is_told_anew_when_something_that_it_shows_has_changed() {
         ..tomoswarm_proto::MissionProgress::default()
     };
     let mut is_told = |mission: &tomoswarm_proto::MissionProgress| {
-        changes(&mut board, 0.2, Message::Mission(mission.clone())).contains(&row)
+        changes(&mut board, 0.2, Message::Mission(*mission)).contains(&row)
     };
     assert!(is_told(&mission));
     mission.progress.done = Some(tomoswarm_proto::StopId(3));
