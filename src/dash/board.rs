@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, Image, ImageSubject, LogLines, Message, Plan, Sender, Stop, TILE_CELLS,
-    TileAddress, VehicleId,
+    EmergencyName, Image, ImageSubject, Message, Plan, Sender, Stop, TILE_CELLS, TileAddress,
+    VehicleId,
 };
 
 use super::cell_view::TileChanges;
@@ -265,11 +265,6 @@ impl Board {
     /// Returns where a vehicle has been.
     pub fn track(&self, id: VehicleId) -> Option<&Track> {
         self.tracks.get(&id)
-    }
-
-    /// Returns a log with those lines only that were not told before; `None` = there is none.
-    pub fn news_of(&self, log: &LogLines) -> Option<LogLines> {
-        self.events.news_of(log)
     }
 
     /// Returns what the range sensors of a vehicle heard of late.

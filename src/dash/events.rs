@@ -73,12 +73,12 @@ pub struct EventList {
     events: VecDeque<Event>,
     last: u64,
     /// Which lines of logs were told, the newest start of a node's software last.
-    said: VecDeque<Said>,
+    said: VecDeque<ToldLines>,
 }
 
 /// Which lines of the log of one start of a node's software were told.
 #[derive(Clone, Debug)]
-struct Said {
+struct ToldLines {
     node: Sender,
     instance: u64,
     last: u32,
@@ -86,7 +86,11 @@ struct Said {
     told: u64,
 }
 
-impl Said {
+impl ToldLines {
+    fn is_of(&self, log: &LogLines) -> bool {
+        (self.node, self.instance) == (log.node, log.instance)
+    }
+
     fn is_told(&self, number: u32) -> bool {
         match self.last.checked_sub(number) {
             Some(back) => back >= u64::BITS || self.told >> back & 1 == 1,
@@ -173,8 +177,7 @@ impl EventList {
 
     /// Returns a log with those lines only that were not told before; `None` = there is none.
     pub fn news_of(&self, log: &LogLines) -> Option<LogLines> {
-        let is_of = |said: &&Said| said.node == log.node && said.instance == log.instance;
-        let said = self.said.iter().find(is_of);
+        let said = self.said.iter().find(|said| said.is_of(log));
         let is_new = |line: &&LogLine| said.is_none_or(|said| !said.is_told(line.number));
         let lines: Vec<LogLine> = log.lines.iter().filter(is_new).cloned().collect();
         (!lines.is_empty()).then(|| LogLines {
@@ -187,12 +190,10 @@ impl EventList {
         let Some(news) = self.news_of(log) else {
             return;
         };
-        let (node, instance) = (log.node, log.instance);
-        let is_of = |said: &Said| said.node == node && said.instance == instance;
-        if !self.said.iter().any(is_of) {
-            self.said.push_back(Said {
-                node,
-                instance,
+        if !self.said.iter().any(|said| said.is_of(log)) {
+            self.said.push_back(ToldLines {
+                node: log.node,
+                instance: log.instance,
                 last: 0,
                 told: 1,
             });
@@ -201,7 +202,7 @@ impl EventList {
             }
         }
         for line in news.lines {
-            let said = self.said.iter_mut().find(|said| is_of(said));
+            let said = self.said.iter_mut().find(|said| said.is_of(log));
             said.into_iter().for_each(|said| said.tell(line.number));
             let at = now - Duration::from_millis(line.age_ms.into());
             let severity = match line.severity {
@@ -209,9 +210,9 @@ impl EventList {
                 LogSeverity::Warning => "warning: ",
                 LogSeverity::Error => "error: ",
             };
-            let (vehicles, who) = match node {
+            let (vehicles, who) = match log.node {
                 Sender::Vehicle(vehicle) => (vec![vehicle], String::new()),
-                Sender::Ground | Sender::Operator(_) => (Vec::new(), format!("{node}: ")),
+                Sender::Ground | Sender::Operator(_) => (Vec::new(), format!("{}: ", log.node)),
             };
             let text = format!("{who}{severity}{}", line.text);
             self.add(at, EventKind::Note, vehicles, text);

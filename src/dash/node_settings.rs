@@ -7,17 +7,17 @@ use tomoswarm_proto::{NodeSettings, SETTINGS_PARTS_MAX, Sender};
 
 /// The settings of nodes; of two starts of a node's software those that were said last.
 #[derive(Clone, Debug, Default)]
-pub(super) struct NodeSettingsBook(BTreeMap<Sender, Said>);
+pub(super) struct NodeSettingsBook(BTreeMap<Sender, HeardParts>);
 
 #[derive(Clone, Debug)]
-struct Said {
+struct HeardParts {
     instance: u64,
     parts: Vec<Option<String>>,
     /// Of another start, as long as not all parts of this one were heard.
     before: Option<String>,
 }
 
-impl Said {
+impl HeardParts {
     fn whole(&self) -> Option<String> {
         self.parts.iter().cloned().collect()
     }
@@ -27,14 +27,14 @@ impl NodeSettingsBook {
     /// Takes a part.
     pub(super) fn take(&mut self, said: &NodeSettings) {
         let count = usize::from(said.parts.min(SETTINGS_PARTS_MAX));
-        let known = self.0.entry(said.node).or_insert_with(|| Said {
+        let known = self.0.entry(said.node).or_insert_with(|| HeardParts {
             instance: said.instance,
             parts: vec![None; count],
             before: None,
         });
         if known.instance != said.instance || known.parts.len() != count {
             let before = known.whole().or(known.before.take());
-            *known = Said {
+            *known = HeardParts {
                 instance: said.instance,
                 parts: vec![None; count],
                 before,

@@ -179,7 +179,7 @@ impl PageServer {
             }
             // Lines are said more than once.
             HeardMessage::Message(sender, Message::Log(log)) => {
-                let Some(news) = self.board.news_of(log) else {
+                let Some(news) = self.board.events().news_of(log) else {
                     return;
                 };
                 HeardMessage::Message(*sender, Message::Log(news))
