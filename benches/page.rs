@@ -18,6 +18,7 @@ mod eight;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::io::Write as _;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -39,6 +40,8 @@ const MANY: u8 = 50;
 /// What is measured is said in this time, while all drive.
 const FROM_S: f64 = 120.0;
 const FOR_S: f64 = 60.0;
+/// What the process is told that serves.
+const SERVES: &str = "serve";
 /// A page is sent what is due at most this often.
 const TURN: Duration = Duration::from_millis(20);
 
@@ -183,6 +186,9 @@ fn main() {
         .filter_map(|arg| arg.parse().ok())
         .next()
         .unwrap_or(6.0);
+    if std::env::args().any(|arg| arg == SERVES) {
+        return serve(hours);
+    }
     let from = Time::from_secs_f64(FROM_S);
     let of_eight = scenario(FROM_S + FOR_S);
     let said = Rc::new(RefCell::new(Vec::new()));
@@ -211,28 +217,48 @@ fn main() {
         readers.print(vehicles, seconds);
     }
 
-    let long = scenario(hours * 3600.0);
-    let split = Time::from_secs_f64(hours * 3600.0 - FOR_S);
-    let before = memory();
-    let shared = Rc::new(RefCell::new((server(&long), Vec::new())));
-    let tell = shared.clone();
-    heard(&long, move |now, heard| {
-        let (server, last) = &mut *tell.borrow_mut();
-        if now < split {
-            server.hear(now, heard);
-        } else {
-            last.push((now, heard.clone()));
-        }
+    serve_in_a_process_of_its_own(hours);
+}
+
+/// Simulates some hours and has another process serve them, so that its memory is the server's alone.
+fn serve_in_a_process_of_its_own(hours: f64) {
+    let program = std::env::current_exe().expect("it runs");
+    let mut child = std::process::Command::new(program)
+        .args([SERVES, &hours.to_string()])
+        .stdin(std::process::Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    let pipe = child.stdin.take().expect("it is piped");
+    let mut pipe = std::io::BufWriter::new(pipe);
+    heard(&scenario(hours * 3600.0), move |now, heard| {
+        serde_json::to_writer(&mut pipe, &(now, heard)).expect("it reads");
+        pipe.write_all(b"\n").expect("it reads");
     });
-    let (server, last) = &mut *shared.borrow_mut();
-    let mut readers = Readers::open(server, split, 5);
-    let seconds = readers.follow(server, last);
+    assert!(child.wait().expect("it ends").success());
+}
+
+/// Serves what comes in, the last minute of it to five pages.
+fn serve(hours: f64) {
+    let split = Time::from_secs_f64(hours * 3600.0 - FOR_S);
+    let mut server = server(&scenario(hours * 3600.0));
+    let before = memory();
+    let mut last: Vec<(Time, HeardMessage)> = Vec::new();
+    for line in std::io::stdin().lines() {
+        let line = line.expect("it is text");
+        let (at, heard): (Time, HeardMessage) = serde_json::from_str(&line).expect("it was said");
+        if at < split {
+            server.hear(at, &heard);
+        } else {
+            last.push((at, heard));
+        }
+    }
+    let after = memory();
+    let mut readers = Readers::open(&mut server, split, 5);
+    let seconds = readers.follow(&mut server, &last);
     println!("after {hours} h:");
     readers.print(VEHICLES, seconds);
-    if let (Some(before), Some(after)) = (before, memory()) {
-        println!(
-            "memory: {:.0} MB more than before, what the simulation has left in it included",
-            (after - before) / 1e6
-        );
+    if let (Some(before), Some(after)) = (before, after) {
+        let kept = (after - before) / 1e6;
+        println!("memory: {kept:.0} MB more than before the first message");
     }
 }

@@ -35,6 +35,7 @@ pub mod records;
 pub mod run_files;
 pub mod sample_book;
 pub mod scene_mesh;
+mod shown_cells;
 pub mod texts;
 pub mod timetable;
 pub mod track;

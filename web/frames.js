@@ -21,6 +21,7 @@ export const KIND = {
   Marks: 16,
   Look: 17,
   Progress: 18,
+  Way: 19,
 };
 
 export const STATE = [

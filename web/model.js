@@ -38,6 +38,8 @@ export class Model {
     this.generation += 1;
     this.states = new Map();
     this.vehicles = new Map();
+    /** The ways that vehicles are committed to, without where they are. */
+    this.ways = new Map();
     this.plans = new Map();
     this.looks = new Map();
     this.tracks = new Map();
@@ -225,6 +227,7 @@ export class Model {
       case KIND.Orders: this.orders = value; break;
       case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;
+      case KIND.Way: this.ways.set(value.id, value.ahead); break;
       case KIND.Plan: this.plans.set(value.id, value); break;
       case KIND.Track: this.takeTrack(value); break;
       case KIND.Look: this.looks.set(value.id, { ...value, at_ms: now_ms }); break;
@@ -253,7 +256,7 @@ export class Model {
 
   /** The way that a vehicle is committed to, from where it is; empty = none. */
   legOf(id) {
-    const [state, ahead] = [this.states.get(id), this.vehicles.get(id)?.leg];
+    const [state, ahead] = [this.states.get(id), this.ways.get(id)];
     return state && ahead ? [[state.x, state.y], ...ahead] : [];
   }
 

@@ -22,6 +22,7 @@ use super::marks::{MarkBook, MarkOrder, in_metres};
 use super::newest_image::NewestImage;
 use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
+use super::shown_cells::shown_cells;
 use super::texts::{corners_ahead, outcome_in_words, shown_of_health, shown_of_mission};
 use super::timetable::{ProgressOf, Timetable};
 use super::track::Track;
@@ -69,6 +70,8 @@ pub enum Subject {
     Ground,
     /// How a vehicle fares.
     Vehicle(VehicleId),
+    /// The way that a vehicle is committed to.
+    Way(VehicleId),
     /// The plan of a vehicle.
     Plan(VehicleId),
     /// The plans against time.
@@ -319,9 +322,9 @@ impl Board {
         &self.tile_changes
     }
 
-    /// Returns the cells of a tile of the merged map.
+    /// Returns the cells of a tile of the merged map as they are shown.
     pub fn tile(&self, address: TileAddress) -> Option<[i8; TILE_CELLS]> {
-        self.map.values(address)
+        self.map.values(address).map(shown_cells)
     }
 
     /// Returns what has changed since this was asked last.
@@ -333,7 +336,12 @@ impl Board {
     pub fn subjects(&self) -> BTreeSet<Subject> {
         let vehicles = self.view.vehicles().flat_map(|(id, seen)| {
             let state = seen.state.as_ref().map(|_| Subject::State(id));
-            state.into_iter().chain([Subject::Vehicle(id)])
+            let way = seen
+                .state
+                .as_ref()
+                .and_then(|state| corners_ahead(&state.value));
+            let way = way.map(|_| Subject::Way(id));
+            state.into_iter().chain([Subject::Vehicle(id)]).chain(way)
         });
         let images = self.images.iter().flat_map(|(subject, image)| {
             let stripes = image
@@ -416,10 +424,12 @@ impl Board {
                 let is_same = known.is_some_and(|known| {
                     (known.boot, known.ordered, known.accepted, known.control)
                         == (state.boot, state.ordered, state.accepted, state.control)
-                        && corners_ahead(known) == corners_ahead(state)
                 });
                 if !is_same {
                     self.changes.insert(Subject::Vehicle(state.vehicle));
+                }
+                if known.and_then(corners_ahead) != corners_ahead(state) {
+                    self.changes.insert(Subject::Way(state.vehicle));
                 }
             }
             Message::Mission(mission) => {
@@ -469,10 +479,13 @@ impl Board {
     fn keep(&mut self, now: Time, sender: Sender, message: &Message) {
         match message {
             Message::Tile(report) => {
+                let shown = self.tile(report.address);
                 // What is refused is the map's to judge; a listener has nobody to complain to.
                 if let Ok(JoinResult::Newer { .. }) = self.map.join(report) {
                     self.tile_changes.hear(now, report);
-                    self.changes.insert(Subject::Tile(report.address));
+                    if self.tile(report.address) != shown {
+                        self.changes.insert(Subject::Tile(report.address));
+                    }
                 }
                 self.repair.pass(now, &self.map, report);
             }

@@ -59,11 +59,13 @@ pub enum FrameKind {
     Look = 17,
     /// Text: how far vehicles are in the plans against time, and who waits for whom.
     Progress = 18,
+    /// Text: the way that one vehicle is committed to.
+    Way = 19,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 18] = [
+    pub const ALL: [FrameKind; 19] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -82,6 +84,7 @@ impl FrameKind {
         FrameKind::Marks,
         FrameKind::Look,
         FrameKind::Progress,
+        FrameKind::Way,
     ];
 }
 

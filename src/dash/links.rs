@@ -1,5 +1,6 @@
-//! The links that were measured, run by run, for whoever asks what made a pixel: samples are pooled as the ground station pools them,
-//! each once. It knows those that this server has heard; a server that began in the middle of a run lacks what came before.
+//! The links that were measured, run by run, for whoever asks what made a pixel: samples are pooled in squares of 0.5 m, as by a
+//! ground station whose file says no other `bin_m`, each once. It knows those that this server has heard; a server that began in
+//! the middle of a run lacks what came before.
 //!
 //! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the
 //! samples themselves are kept as long as there is room ([`SampleBook`]).
@@ -10,8 +11,7 @@ use std::sync::Arc;
 use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
 
 use super::sample_book::SampleBook;
-use crate::geom::Point;
-use crate::tomo::{Devices, Link, LinkBins};
+use crate::tomo::{Link, LinkBins};
 
 /// Sources at most: starts of vehicles in runs.
 const SOURCES_MAX: usize = 1024;
@@ -76,13 +76,7 @@ impl LinkBook {
         let of_run = Arc::make_mut(bins.entry(batch.run).or_default());
         for sample in batch.samples.iter() {
             if of_run.len() < LINKS_MAX && received.take(sample.sequence) {
-                let from = Point::from(sample.transmitter_pose.at);
-                let to = Point::from(sample.receiver_pose.at);
-                let devices = Devices {
-                    transmitter: sample.transmitter,
-                    receiver: batch.vehicle,
-                };
-                of_run.record(devices, from, to, sample.rssi_dbm);
+                of_run.record_sample(batch.vehicle, sample);
                 let who = (batch.vehicle, batch.boot);
                 samples.take(batch.run, who, sample);
             }

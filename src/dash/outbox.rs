@@ -266,6 +266,7 @@ impl Outbox {
             Subject::Orders
             | Subject::Ground
             | Subject::Vehicle(_)
+            | Subject::Way(_)
             | Subject::Plan(_)
             | Subject::Timetable
             | Subject::Progress
@@ -333,6 +334,7 @@ fn rate(subject: Subject) -> Option<(usize, Duration)> {
         Subject::Orders
         | Subject::Ground
         | Subject::Vehicle(_)
+        | Subject::Way(_)
         | Subject::Plan(_)
         | Subject::Timetable
         | Subject::Marks
@@ -352,6 +354,7 @@ fn class(subject: Subject) -> usize {
         Subject::State(_) | Subject::Look(_) => 1,
         Subject::Ground
         | Subject::Vehicle(_)
+        | Subject::Way(_)
         | Subject::Plan(_)
         | Subject::Timetable
         | Subject::Progress

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use serde_json::{Value, json};
 use tomoswarm_proto::{
     AutopilotHealth, Covariance, EmergencyStop, Find, Health, Image, ImageSubject, MissionProgress,
-    Plan, Position, Progress, State, StopId, StopScope, VehicleId,
+    Permille, Plan, Position, State, StopId, StopScope, VehicleId,
 };
 
 use super::board::Board;
@@ -170,9 +170,7 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
         json!({
             "kind": mission.kind.word(),
             "phase": mission_phase(mission.phase),
-            "share": mission.share.map(|share| share.fraction()),
-            "placesLeft": mission.places_left,
-            "goal": mission.goal.map(position),
+            "share": mission.share.map(|share| shown_share(share).fraction()),
             "end": mission.end.map(|end| end.to_string()),
             "isAtHome": mission.is_at_home,
         })
@@ -196,20 +194,28 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
         "revision": state.map(|state| state.accepted.1.0),
         "ordered": state.map(|state| ordered(state.ordered)),
         "control": state.map(|state| control(state.control)),
-        "leg": state.and_then(corners_ahead).map(route),
         "mission": mission,
         "health": health,
     });
     Some(text.to_string())
 }
 
-/// Returns what is shown of a mission in its vehicle's row: everything but how far it is in a plan, and by whose right.
+/// Returns what is shown of a mission in its vehicle's row.
 pub(super) fn shown_of_mission(mission: &MissionProgress) -> MissionProgress {
     MissionProgress {
-        progress: Progress::default(),
-        lease_number: 0,
-        ..*mission
+        vehicle: mission.vehicle,
+        kind: mission.kind,
+        phase: mission.phase,
+        share: mission.share.map(shown_share),
+        end: mission.end,
+        is_at_home: mission.is_at_home,
+        ..MissionProgress::default()
     }
+}
+
+/// Returns how much of a mission is done, in whole percents: what is not wholly done is not 100.
+fn shown_share(share: Permille) -> Permille {
+    Permille(share.0 / 10 * 10)
 }
 
 /// Returns what is shown of a vehicle's health in its row, but for what its records say.
@@ -234,6 +240,13 @@ pub(super) fn shown_of_health(health: &Health) -> Health {
 pub fn corners_ahead(state: &State) -> Option<&[Position]> {
     let leg = state.leg.as_ref()?;
     Some(leg.route.get(1..).unwrap_or_default())
+}
+
+/// Returns the way that a vehicle is committed to, or that it is to none.
+pub fn way(board: &Board, id: VehicleId) -> Option<String> {
+    let state = &board.view().state(id)?.value;
+    let ahead = corners_ahead(state).map(route);
+    Some(json!({ "id": id.0, "ahead": ahead }).to_string())
 }
 
 /// Returns the plan of a vehicle.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use tomoswarm_proto::{
-    Boot, Digest, LayerDigest, LayerId, Position, Rectangle, Revision, RunId, TileReport,
+    Boot, Digest, LayerDigest, LayerId, LegReport, Position, Rectangle, Revision, RunId, TileReport,
 };
 
 use super::*;
@@ -72,6 +72,10 @@ fn the_newest_tile_is_kept_and_an_older_one_changes_nothing() {
     );
     assert_eq!(changes(&mut board, 0.1, tile(3, 1, -17)), []);
     assert_eq!(board.tile(address).unwrap()[0], 17);
+    let surer = changes(&mut board, 0.2, tile(3, 3, 12));
+    assert_eq!(surer, [], "it is drawn as before");
+    let free = changes(&mut board, 0.3, tile(3, 4, -9));
+    assert_eq!(free, [Subject::Tile(address)]);
     assert_eq!(board.tile(TileAddress::default()), None);
 }
 
@@ -309,7 +313,42 @@ fn a_row_is_told_anew_when_something_that_it_shows_has_changed() {
     mission.progress.done = Some(tomoswarm_proto::StopId(3));
     assert!(!is_told(&mission));
     mission.places_left = 4;
+    mission.goal = Some(Position::from_metres(3.0, 4.0, 0.0));
+    mission.share = Some(tomoswarm_proto::Permille(9));
+    assert!(is_told(&mission), "it has a share");
+    mission.share = Some(tomoswarm_proto::Permille(3));
+    assert!(!is_told(&mission), "the percent is the same");
+    mission.share = Some(tomoswarm_proto::Permille(10));
     assert!(is_told(&mission) && !is_told(&mission));
+}
+
+#[test]
+fn a_way_is_told_by_itself_when_its_corners_change_and_when_it_ends() {
+    let mut board = board();
+    let way = Subject::Way(VehicleId(2));
+    let on = |board: &mut Board, corners: Option<&[f64]>| {
+        let mut state = state(2);
+        let place = |x_m: &f64| Position::from_metres(*x_m, 0.0, 0.0);
+        state.leg = corners.map(|corners| LegReport {
+            route: corners.iter().map(place).collect(),
+        });
+        changes(board, 0.1, Message::State(state))
+    };
+    assert!(!on(&mut board, None).contains(&way));
+    assert!(on(&mut board, Some(&[0.0, 2.0])).contains(&way));
+    let row = Subject::Vehicle(VehicleId(2));
+    let moved = on(&mut board, Some(&[1.0, 2.0]));
+    assert!(!moved.contains(&way), "its records say where it is");
+    let other = on(&mut board, Some(&[1.0, 3.0]));
+    assert!(other.contains(&way) && !other.contains(&row));
+    assert!(board.subjects().contains(&way));
+    let text = |board: &Board| crate::dash::texts::way(board, VehicleId(2));
+    let ahead = r#"{"ahead":[[3.0,0.0]],"id":2}"#;
+    assert_eq!(text(&board).as_deref(), Some(ahead));
+    assert!(on(&mut board, None).contains(&way));
+    let none = r#"{"ahead":null,"id":2}"#;
+    assert_eq!(text(&board).as_deref(), Some(none));
+    assert!(!board.subjects().contains(&way));
 }
 
 #[test]

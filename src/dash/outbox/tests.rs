@@ -318,7 +318,7 @@ fn a_server_with_nothing_to_say_is_heard_once_a_second() {
 #[test]
 fn what_comes_anew_waits_for_no_rate_and_its_end_is_said() {
     let mut life = Life::new();
-    for x in 0..200 {
+    for x in 0..1000 {
         life.count += 1;
         life.tile(x, 3);
     }
