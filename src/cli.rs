@@ -44,6 +44,7 @@ pub mod image;
 mod image_settings;
 mod image_text;
 mod image_values;
+mod imaging_comments;
 mod link_pictures;
 #[cfg(feature = "net")]
 mod live;

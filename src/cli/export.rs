@@ -18,12 +18,12 @@ use super::true_places::{Named, circles};
 use crate::config::{self, Config, Venue};
 use crate::dash::geojson::{Features, MadeImage};
 use crate::dash::run_files::MARKS_HEADER;
-use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
+use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement, described};
 use crate::geom::{Lattice, Point};
 use crate::ground::MeasuredSample;
 use crate::map::Merged;
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredMark, StoredRun};
-use crate::tomo::{Devices, Image, LinkBins, SAMPLES_HEADER, npy_bytes, utc_text};
+use crate::tomo::{BIN_M, Image, LinkBins, SAMPLES_HEADER, SPOT_M, npy_bytes, utc_text};
 
 /// The names of the files that are not of one run.
 const FAMILY: &[&str] = &[
@@ -43,7 +43,8 @@ pub struct ExportArgs {
     /// The store: the file that `tomoswarm ground` writes
     #[arg(value_name = "STORE")]
     pub store: PathBuf,
-    /// The folder for the files; those of an earlier export are replaced, others are left alone
+    /// The folder for the files; those of an earlier export are replaced (with --run of that run, and those of no run), others
+    /// are left alone
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Only this run [default: all runs]
@@ -62,6 +63,7 @@ Files, N being the run:
   swarm.geojson        area, fence, homes, peaks, finds, marks, tracks (WGS84)
   venue.toml           the venue, as the ground station read it
   export.json          where the data come from: versions, starts, runs, the operator's notes
+Tables say in a first line where they come from, \"# ...\" (comment=\"#\" in pandas), pictures in a text chunk.
 
 Examples:
   tomoswarm export swarm.db --out data
@@ -78,7 +80,8 @@ impl ExportArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let export = Export::of(&self.store, self.run)?;
         let mut folder = OutputFolder::prepare(&self.out, FAMILY)?;
-        folder.claim(is_of_a_run);
+        let is_chosen = |run: u32| self.run.is_none_or(|chosen| chosen == run);
+        folder.claim(|name| run_of(name).is_some_and(is_chosen));
         let mut lines = export.write_to(&mut folder)?;
         let target = folder.publish()?;
         lines += &format!("written to {}\n", target.display());
@@ -97,6 +100,8 @@ pub(super) struct Export {
     starts: Vec<Provenance>,
     venue: Venue,
     venue_text: String,
+    /// The side of the bins in which links are pooled, metres.
+    bin_m: f64,
 }
 
 /// What is gathered of all runs.
@@ -116,12 +121,14 @@ impl Export {
         let runs = chosen(path, run, store.runs()?)?;
         let starts = store.provenance()?;
         let (venue, venue_text) = venue_of(path, &starts)?;
+        let bin_m = starts.first().and_then(bin_of).unwrap_or(BIN_M);
         Ok(Export {
             store,
             runs,
             starts,
             venue,
             venue_text,
+            bin_m,
         })
     }
 
@@ -139,16 +146,16 @@ impl Export {
         };
         let mut lines = String::new();
         for run in &self.runs {
-            let samples = write_run(target, store, run.run, &mut gathered)?;
+            let samples = self.write_run(target, run.run, &mut gathered)?;
             let features = &mut gathered.features;
-            let marks = write_marks(target, store, run.run, features)?;
-            let (images, errors) = write_images(target, store, (run.run, &marks), venue, features)?;
+            let marks = write_marks(target, self, run.run, features)?;
+            let (images, errors) = write_images(target, self, (run.run, &marks), features)?;
             lines += &format!("run {}: {samples} samples, {images} pictures\n", run.run);
             lines += &errors;
         }
         let Gathered { features, tracks } = gathered;
         if has_map {
-            write_map(target, store, venue, tracks.unwrap_or_default())?;
+            write_map(target, self, tracks.unwrap_or_default())?;
         }
         if has_features {
             target.write("swarm.geojson", features.text().as_bytes())?;
@@ -161,6 +168,79 @@ impl Export {
             target.write("export.json", about.as_bytes())?;
         }
         Ok(lines)
+    }
+
+    /// Returns in a line which program has made something of which store, and of which run of it.
+    fn origin(&self, run: Option<RunId>) -> String {
+        let path = self.store.path();
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        format!(
+            "made by tomoswarm {} from {}, the store {:016x}{}",
+            env!("CARGO_PKG_VERSION"),
+            name.display(),
+            self.store.id(),
+            run.map(|run| format!(", run {run}")).unwrap_or_default()
+        )
+    }
+
+    /// Writes samples and links of a run, and gathers its tracks; returns how many samples there are, of those that were read.
+    fn write_run(
+        &self,
+        target: &mut dyn ExportTarget,
+        run: RunId,
+        gathered: &mut Gathered,
+    ) -> Result<usize, CliError> {
+        let names = ["samples", "links"].map(|kind| format!("run-{run}-{kind}.csv"));
+        let [has_samples, has_links] = [0, 1].map(|name: usize| target.wants(&names[name]));
+        let Gathered { features, tracks } = gathered;
+        if !has_samples && !has_links && tracks.is_none() {
+            return Ok(0);
+        }
+        let origin = self.origin(Some(run));
+        let mut text = format!("# {origin}\n{SAMPLES_HEADER}\n");
+        let mut bins = LinkBins::new(self.bin_m, SPOT_M);
+        let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
+        let mut count = 0;
+        self.store.each_sample(Some(run), |stored| {
+            let MeasuredSample {
+                vehicle,
+                boot,
+                run: _,
+                sample,
+                utc_s: _,
+            } = &stored;
+            if has_samples {
+                sample_line(&mut text, &stored);
+            }
+            bins.record_sample(*vehicle, sample);
+            let who = (*vehicle, boot.0);
+            if driven.last().is_none_or(|(last, _)| *last != who) {
+                driven.push((who, Vec::new()));
+            }
+            if let Some((_, track)) = driven.last_mut() {
+                extend_track(track, &stored);
+            }
+            count += 1;
+        })?;
+        if has_samples {
+            target.write(&names[0], text.as_bytes())?;
+        }
+        if has_links {
+            let links = links_csv(&bins.measured_links(), None);
+            let bin_m = self.bin_m;
+            let text = format!("# {origin}, in squares of {bin_m} m\n{links}");
+            target.write(&names[1], text.as_bytes())?;
+        }
+        for ((vehicle, boot), points) in driven {
+            features.track(
+                json!({"what": "track", "run": run.0, "vehicle": vehicle.0, "boot": boot}),
+                &points,
+            );
+            if let Some(tracks) = tracks {
+                tracks.push((vehicle, points));
+            }
+        }
+        Ok(count)
     }
 }
 
@@ -212,102 +292,47 @@ fn venue_of(path: &Path, starts: &[Provenance]) -> Result<(Venue, String), CliEr
     }
 }
 
-/// Returns whether a name is that of a file of one run.
-fn is_of_a_run(name: &str) -> bool {
-    let Some((number, kind)) = name
-        .strip_prefix("run-")
-        .and_then(|rest| rest.split_once('-'))
-    else {
-        return false;
-    };
+/// Returns the bins in which the ground station pooled links at one of its starts, metres; `None` where this version cannot
+/// read its file.
+fn bin_of(start: &Provenance) -> Option<f64> {
+    let mut venue = |_: &str| Ok(start.venue.clone());
+    match config::read("the ground station's file", &start.config, &mut venue) {
+        Ok(Config::Ground(file)) => Some(file.imaging.bin_m),
+        Ok(
+            Config::Venue(_)
+            | Config::Scene(_)
+            | Config::Sim(_)
+            | Config::Experiment(_)
+            | Config::Vehicle(_)
+            | Config::Operator(_),
+        )
+        | Err(_) => None,
+    }
+}
+
+/// Returns the run whose file has a name; `None` = that is not the name of a file of one run.
+fn run_of(name: &str) -> Option<u32> {
+    let (number, kind) = name.strip_prefix("run-")?.split_once('-')?;
     let is_kind = |stem: &str| matches!(stem, "change" | "structure");
     let is_picture = kind
         .rsplit_once('.')
         .is_some_and(|(stem, ending)| is_kind(stem) && matches!(ending, "npy" | "png" | "pgw"));
-    number.parse::<u32>().is_ok()
-        && (is_picture || matches!(kind, "samples.csv" | "links.csv" | "marks.csv"))
-}
-
-/// Writes samples and links of a run, and gathers its tracks; returns how many samples there are, of those that were read.
-fn write_run(
-    target: &mut dyn ExportTarget,
-    store: &GroundStore,
-    run: RunId,
-    gathered: &mut Gathered,
-) -> Result<usize, CliError> {
-    let names = ["samples", "links"].map(|kind| format!("run-{run}-{kind}.csv"));
-    let [has_samples, has_links] = [0, 1].map(|name: usize| target.wants(&names[name]));
-    let Gathered { features, tracks } = gathered;
-    if !has_samples && !has_links && tracks.is_none() {
-        return Ok(0);
-    }
-    let mut text = format!("{SAMPLES_HEADER}\n");
-    let mut bins = LinkBins::default();
-    let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
-    let mut count = 0;
-    store.each_sample(Some(run), |stored| {
-        let MeasuredSample {
-            vehicle,
-            boot,
-            run: _,
-            sample,
-            utc_s: _,
-        } = &stored;
-        if has_samples {
-            sample_line(&mut text, &stored);
-        }
-        let devices = Devices {
-            transmitter: sample.transmitter,
-            receiver: *vehicle,
-        };
-        bins.record(
-            devices,
-            sample.transmitter_pose.at.into(),
-            sample.receiver_pose.at.into(),
-            sample.rssi_dbm,
-        );
-        let who = (*vehicle, boot.0);
-        if driven.last().is_none_or(|(last, _)| *last != who) {
-            driven.push((who, Vec::new()));
-        }
-        if let Some((_, track)) = driven.last_mut() {
-            extend_track(track, &stored);
-        }
-        count += 1;
-    })?;
-    if has_samples {
-        target.write(&names[0], text.as_bytes())?;
-    }
-    if has_links {
-        target.write(
-            &names[1],
-            links_csv(&bins.measured_links(), None).as_bytes(),
-        )?;
-    }
-    for ((vehicle, boot), points) in driven {
-        features.track(
-            json!({"what": "track", "run": run.0, "vehicle": vehicle.0, "boot": boot}),
-            &points,
-        );
-        if let Some(tracks) = tracks {
-            tracks.push((vehicle, points));
-        }
-    }
-    Ok(count)
+    let is_ours = is_picture || matches!(kind, "samples.csv" | "links.csv" | "marks.csv");
+    number.parse().ok().filter(|_| is_ours)
 }
 
 /// Writes where somebody truly stood in a run, if that was marked, and returns it.
 fn write_marks(
     target: &mut dyn ExportTarget,
-    store: &GroundStore,
+    export: &Export,
     run: RunId,
     features: &mut Features,
 ) -> Result<Vec<StoredMark>, CliError> {
-    let marks = store.marks(run)?;
+    let marks = export.store.marks(run)?;
     if marks.is_empty() {
         return Ok(marks);
     }
-    let mut text = format!("{MARKS_HEADER}\n");
+    let mut text = format!("# {}\n{MARKS_HEADER}\n", export.origin(Some(run)));
     for StoredMark {
         at,
         z_m,
@@ -329,12 +354,11 @@ fn write_marks(
 /// strong places, are from the marks.
 fn write_images(
     target: &mut dyn ExportTarget,
-    store: &GroundStore,
+    export: &Export,
     (run, truth): (RunId, &[StoredMark]),
-    venue: &Venue,
     features: &mut Features,
 ) -> Result<(usize, String), CliError> {
-    let images = store.newest_images(run)?;
+    let images = export.store.newest_images(run)?;
     let mut errors = String::new();
     for made in images
         .iter()
@@ -347,10 +371,13 @@ fn write_images(
         let spec = heat(made, truth);
         errors += &error_lines(made, truth);
         if target.wants(&name("png")) {
-            target.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
+            let picture = drawn(Picture::heat(&spec))?;
+            let origin = export.origin(Some(run));
+            target.write(&name("png"), &described(picture, &origin))?;
         }
         if target.wants(&name("pgw")) {
-            target.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
+            let world = world(&export.venue, spec.placement())?;
+            target.write(&name("pgw"), world.as_bytes())?;
         }
         features.image(MadeImage {
             says: &json!({"run": run.0, "kind": made.kind, "laps": made.laps}),
@@ -403,10 +430,10 @@ fn world(
 /// Writes the map that all vehicles have made together.
 fn write_map(
     target: &mut dyn ExportTarget,
-    store: &GroundStore,
-    venue: &Venue,
+    export: &Export,
     tracks: Vec<(VehicleId, Vec<Point>)>,
 ) -> Result<(), CliError> {
+    let Export { store, venue, .. } = export;
     let mut map = Merged::new(Lattice::new(venue.cell_m), None);
     for tile in store.tiles()? {
         // One that cannot be joined was not joined by the ground station either.
@@ -440,7 +467,8 @@ fn write_map(
         cells: &cells,
         overlays,
     };
-    target.write("map.png", &drawn(Picture::occupancy(&spec))?)?;
+    let picture = drawn(Picture::occupancy(&spec))?;
+    target.write("map.png", &described(picture, &export.origin(None)))?;
     target.write("map.pgw", world(venue, spec.placement())?.as_bytes())
 }
 
@@ -482,11 +510,17 @@ mod tests {
     use crate::store::ground::{Start, UtcOffset};
     use crate::tomo::{Peak, Reconstruction};
     use serde_json::Value;
-    use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples};
+    use tomoswarm_proto::{Boot, Mark, PoseReport, Position, Sample, Samples};
 
     /// A store with two runs of one vehicle that drove along the south side, and a picture.
     fn make_store(path: &Path) {
+        make_store_of(path, "");
+    }
+
+    /// Makes one of a ground station with a file.
+    fn make_store_of(path: &Path, config: &str) {
         let start = Start {
+            config,
             venue: bundled_venue(),
             note: Some("dry"),
             ..Start::default()
@@ -585,7 +619,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_written_and_an_export_of_one_run_takes_the_others_away() {
+    fn everything_is_written_and_an_export_of_one_run_leaves_the_files_of_others() {
         let root = tempfile::tempdir().unwrap();
         let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
         make_store(&store);
@@ -595,12 +629,20 @@ mod tests {
             "{text}"
         );
         let all = listed(&out);
-        std::fs::write(out.join("run-notes.txt"), "mine").unwrap();
-        export(&store, &out, Some(1)).unwrap();
-        let left = listed(&out);
         assert_eq!(all.len(), FAMILY.len() + 4 + 3, "{all:?}");
-        assert_eq!(left.len(), FAMILY.len() + 2 + 1, "{left:?}");
-        assert!(!left.iter().any(|name| name.starts_with("run-2")));
+        let with = |more: &[&str]| {
+            let mut names = all.clone();
+            names.extend(more.iter().map(|name| (*name).to_owned()));
+            names.sort();
+            names
+        };
+        for name in ["run-notes.txt", "run-1-change.png", "run-7-links.csv"] {
+            std::fs::write(out.join(name), "of before").unwrap();
+        }
+        export(&store, &out, Some(1)).unwrap();
+        assert_eq!(listed(&out), with(&["run-notes.txt", "run-7-links.csv"]));
+        export(&store, &out, None).unwrap();
+        assert_eq!(listed(&out), with(&["run-notes.txt"]));
     }
 
     #[test]
@@ -611,9 +653,9 @@ mod tests {
         export(&store, &out, Some(2)).unwrap();
         let text = std::fs::read_to_string(out.join("run-2-samples.csv")).unwrap();
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines.len(), 11);
-        let fields: Vec<&str> = lines[4].split(',').collect();
-        assert_eq!(fields.len(), lines[0].split(',').count());
+        assert_eq!(lines.len(), 12);
+        let fields: Vec<&str> = lines[5].split(',').collect();
+        assert_eq!(fields.len(), lines[1].split(',').count());
         assert_eq!(
             fields[..8],
             [
@@ -627,13 +669,58 @@ mod tests {
                 "2"
             ]
         );
-        assert_eq!((fields[13], fields[20]), ("3.0000", ""), "{}", lines[4]);
+        assert_eq!((fields[13], fields[20]), ("3.0000", ""), "{}", lines[5]);
         for name in ["run-2-links.csv", "run-2-samples.csv"] {
             let recording = super::super::image::read_file(&out.join(name)).unwrap();
             let links = &recording.links;
             assert_eq!(links.iter().map(|link| link.packets).sum::<u32>(), 9);
             assert_eq!(links.iter().map(|link| link.misses).sum::<u32>(), 1);
         }
+    }
+
+    #[test]
+    fn pictures_and_tables_say_of_which_run_of_which_store_they_are() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        let start = Start {
+            venue: bundled_venue(),
+            ..Start::default()
+        };
+        let mark = Mark {
+            run: RunId(2),
+            at: Position::from_metres(3.0, 4.0, 0.0),
+            stands: true,
+        };
+        let kept = GroundStore::open(&store, &start).unwrap().keep_mark(mark);
+        kept.unwrap();
+        export(&store, &out, None).unwrap();
+        let id = GroundStore::open_to_read(&store).unwrap().id();
+        let of_store = format!("from swarm.db, the store {id:016x}");
+        for (name, of_run) in [
+            ("run-1-samples.csv", ", run 1"),
+            ("run-2-links.csv", ", run 2"),
+            ("run-2-marks.csv", ", run 2"),
+            ("run-2-change.png", ", run 2"),
+            ("map.png", ""),
+        ] {
+            let bytes = std::fs::read(out.join(name)).unwrap();
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            assert!(text.contains(&format!("{of_store}{of_run}")), "{name}");
+        }
+    }
+
+    #[test]
+    fn links_are_pooled_in_the_bins_of_the_ground_station() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        let file = include_str!("../../configs/courtyard.ground.toml");
+        let config = file.replace("[imaging]\n", "[imaging]\nbin_m = 2.0\n");
+        make_store_of(&store, &config);
+        export(&store, &out, Some(2)).unwrap();
+        // Ten places, a metre apart.
+        let recording = super::super::image::read_file(&out.join("run-2-links.csv")).unwrap();
+        assert_eq!(recording.links.len(), 5);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use tomoswarm_proto::RunId;
 
 use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
+use super::image_settings::warning_of_part;
 use super::image_text::{offsets_in_words, summary};
 use super::image_values::{SolverName, WeightsName};
 use super::image_values::{parse_area, parse_cell, parse_pixels, parse_place, parse_rate};
@@ -22,6 +23,7 @@ use super::progress;
 use super::read;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
+use super::standard_output::complain;
 use super::stop::StopFlag;
 use super::true_places::{Named, TruePlaces, circles, read_places};
 use super::volume;
@@ -233,6 +235,9 @@ impl ImageCommand {
         if let Some(network) = &network {
             settings.pairing_m = settings.pairing_m.min(network.bin_m());
         }
+        if let Some(warning) = warning_of_part(self.area, settings.ring) {
+            complain(&warning);
+        }
         let count = now.links.len();
         let empty_recording = (!self.empty.is_empty()).then_some(empty);
         let (now, empty, offsets) = now.pooled_for(empty_recording.as_ref(), settings.pairing_m);
@@ -438,11 +443,13 @@ impl ImageCommand {
     fn check_files(&self) -> Result<(), CliError> {
         let world = self.world_file();
         let outputs = self.outputs(world.as_ref());
+        let recordings = self.files.iter().chain(&self.empty);
+        let inputs: Vec<PathBuf> = recordings
+            .flat_map(|path| recorded::files_of(path))
+            .collect();
         for (index, output) in outputs.iter().enumerate() {
-            let mut others = self
-                .files
+            let mut others = inputs
                 .iter()
-                .chain(&self.empty)
                 .chain(&self.nodes)
                 .chain(&self.venue)
                 .chain(&self.marks)

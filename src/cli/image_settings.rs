@@ -13,6 +13,9 @@ use crate::tomo::{BIN_M, FindSettings, ImagingSettings, Link};
 /// Two areas have one shape when the ratios of their sides differ by less than this share.
 const SAME_SHAPE: f64 = 0.01;
 
+/// Links may end so far outside of an area of which nothing is left out, shares of the longer side of the ring.
+const BESIDE_RING: f64 = 0.025;
+
 /// Vehicles drive around nothing smaller, metres.
 const SMALLEST_DRIVEN_M: f64 = 5.0;
 
@@ -100,6 +103,24 @@ impl ImageCommand {
             false => Subject::Change,
         }
     }
+}
+
+/// Returns a warning where an area that was asked for leaves out a part of the ring around which the links end.
+pub(super) fn warning_of_part(area: Option<Rect>, ring: Rect) -> Option<String> {
+    let area = area?;
+    let beside_m = BESIDE_RING * ring.width_m().max(ring.height_m());
+    let is_whole = area.min.x_m <= ring.min.x_m + beside_m
+        && area.min.y_m <= ring.min.y_m + beside_m
+        && area.max.x_m >= ring.max.x_m - beside_m
+        && area.max.y_m >= ring.max.y_m - beside_m;
+    let Rect { min, max } = ring;
+    (!is_whole).then(|| {
+        format!(
+            "warning: --area leaves out a part of what the links cross, ({:.1}, {:.1}) to ({:.1}, {:.1}): what stands outside \
+             is drawn inside, and persons may be found at the border where nobody stands",
+            min.x_m, min.y_m, max.x_m, max.y_m
+        )
+    })
 }
 
 /// Returns the bins of links whose ends were driven, metres: those of the ground station, and smaller ones around an area that is
@@ -265,6 +286,22 @@ mod tests {
             (told.grid.columns, told.grid.rows, told.peaks.limit),
             (7, 9, 2)
         );
+    }
+
+    #[test]
+    fn an_area_that_leaves_out_a_part_of_the_ring_is_warned_of() {
+        let of = |min: (f64, f64), max: (f64, f64)| {
+            let area = Rect::new(Point::new(min.0, min.1), Point::new(max.0, max.1));
+            warning_of_part(Some(area), AREA)
+        };
+        for whole in [of((0.0, 0.0), (20.0, 20.0)), of((0.3, -5.0), (30.0, 19.8))] {
+            assert_eq!(whole, None);
+        }
+        assert_eq!(warning_of_part(None, AREA), None);
+        for part in [of((5.0, 0.0), (20.0, 20.0)), of((0.0, 0.0), (20.0, 12.0))] {
+            let said = part.unwrap();
+            assert!(said.contains("(0.0, 0.0) to (20.0, 20.0)"), "{said}");
+        }
     }
 
     #[test]

@@ -3,7 +3,9 @@
 use tomoswarm_proto::VehicleId;
 
 use super::recording::LengthUnit;
-use crate::tomo::{DeviceOffsets, Find, Finds, PixelShares, Reconstruction, SIGNIFICANT};
+use crate::tomo::{
+    DeviceOffsets, DropReason, DroppedLinks, Find, Finds, PixelShares, Reconstruction, SIGNIFICANT,
+};
 
 /// Links of a pixel that the summary names.
 const SHARES_SHOWN: usize = 5;
@@ -76,6 +78,13 @@ pub(super) fn offsets_in_words(offsets: &DeviceOffsets) -> String {
     )
 }
 
+/// Returns how many links were left out, in a line for each reason.
+pub(super) fn dropped_in_words(dropped: &DroppedLinks) -> String {
+    let line =
+        |(reason, count): (&DropReason, &usize)| format!("  {count} dropped: {}\n", reason.words());
+    dropped.iter().map(line).collect()
+}
+
 /// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used
 /// and those dropped are as many as the latter.
 pub(super) fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) -> String {
@@ -88,9 +97,7 @@ pub(super) fn summary(result: &Reconstruction, counts: (usize, usize), unit: Len
         "links: {of}, {} used, residual {:.2} dB\n",
         result.used, result.residual_rms_db
     );
-    for (reason, count) in &result.dropped {
-        text += &format!("  {count} dropped: {}\n", reason.words());
-    }
+    text += &dropped_in_words(&result.dropped);
     if let Some(choice) = &result.choice {
         text += &format!("{}\n", choice.words());
     }

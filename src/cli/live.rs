@@ -17,6 +17,7 @@ use super::load;
 use super::operator::OperatorContext;
 #[cfg(feature = "dash")]
 use super::page_process::PageProcess;
+use super::pictures;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::standard_output::complain;
@@ -70,7 +71,7 @@ pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let folder = OutputFolder::prepare(&target, FAMILY)?;
     let started = started();
     let live = folder.live()?;
-    let outcome = {
+    let mut outcome = {
         let mut swarm = Swarm::start(args, &scenario, seed, &live)?;
         #[cfg(feature = "dash")]
         let page = start_page(args, &live, out)?;
@@ -79,6 +80,9 @@ pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
         page.into_iter().for_each(PageProcess::end);
         swarm.end(&scenario, failure)?
     };
+    if !args.no_pictures {
+        pictures::add_links(&scenario, &mut outcome);
+    }
     args.publish(folder, &scenario, &outcome, (seed, started.elapsed()), out)
 }
 

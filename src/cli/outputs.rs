@@ -17,10 +17,10 @@ use super::recording::LengthUnit;
 use super::true_places::{Named, circles};
 use crate::config::SourceFile;
 use crate::draw::{HeatMap, Picture, described};
-use crate::geom::Point;
+use crate::geom::{Point, Rect};
 use crate::tomo::{
-    Choice, Find, Finds, Image, ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction,
-    Score, Solver, WeightModel, npy_bytes,
+    Candidates, Choice, DropReason, DroppedLinks, Find, Finds, Image, ImagingSettings, LinkShare,
+    Peak, PixelShares, Reconstruction, Score, Solver, Sparse, Variation, WeightModel, npy_bytes,
 };
 
 /// The files to be written, open under temporary names.
@@ -107,7 +107,7 @@ impl Outputs {
         })?;
         fill(&mut self.npy, || Ok(npy_bytes(&result.image)))?;
         fill(&mut self.json, || {
-            let mut report = report(result, settings, (unit, made_from));
+            let mut report = report(result, settings, (unit, unit_m), made_from);
             let named = Named::of(result.finds.as_ref(), &result.peaks);
             report["marks"] = (!stood.is_empty()).then(|| named.json(stood)).into();
             Ok(format!("{report:#}\n").into_bytes())
@@ -328,17 +328,13 @@ pub(super) fn deviation_picture(deviation: &Image, unit: &str) -> Result<Vec<u8>
 fn report(
     result: &Reconstruction,
     settings: &ImagingSettings,
-    (unit, made_from): (LengthUnit, &[SourceFile]),
+    (unit, unit_m): (LengthUnit, f64),
+    made_from: &[SourceFile],
 ) -> Value {
     let peak = |peak: &Peak| {
         let significance = peak.significance.min(1e9);
         json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance, "is_faint": peak.is_faint()})
     };
-    let dropped: Vec<Value> = result
-        .dropped
-        .iter()
-        .map(|(reason, count)| json!({"reason": reason.words(), "links": count}))
-        .collect();
     let law = result.path_loss.map(|law| {
         json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
     });
@@ -346,14 +342,21 @@ fn report(
         "finds": finds_json(result.finds.as_ref()),
         "peaks": result.peaks.iter().map(peak).collect::<Vec<_>>(),
         "residual_rms_db": result.residual_rms_db,
-        "links": {"used": result.used, "dropped": dropped},
+        "links": {"used": result.used, "dropped": dropped_json(&result.dropped)},
         "path_loss": law,
         "why": result.shares.as_ref().map(shares_json),
         "choice": result.choice.as_ref().map(choice_json),
-        "settings": settings_json(settings, unit, result.by_empty_sweep),
+        "settings": settings_json(settings, (unit, unit_m), result.by_empty_sweep),
         "version": env!("CARGO_PKG_VERSION"),
         "made_from": made_from,
     })
+}
+
+/// Returns how many links were left out as the JSON output shows it.
+pub(super) fn dropped_json(dropped: &DroppedLinks) -> Value {
+    let of_reason =
+        |(reason, count): (&DropReason, &usize)| json!({"reason": reason.words(), "links": count});
+    dropped.iter().map(of_reason).collect()
 }
 
 /// Returns who was found as the JSON output shows it; nothing without an empty sweep.
@@ -393,19 +396,46 @@ fn choice_json(choice: &Choice) -> Value {
     json!({"solver": choice.best.words(), "scores": choice.scores.iter().map(score).collect::<Vec<_>>()})
 }
 
-/// Returns the settings as the JSON output shows them.
-fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
-    let area = settings.grid.area;
-    let solver = match settings.solver {
+/// Returns a solver as the JSON output shows it, with what it believes.
+fn solver_json(solver: &Solver) -> Value {
+    let sparse = |name: &str, of: Sparse| {
+        let Sparse { prior, sparsity } = of;
+        let (variance, length_m) = (prior.variance, prior.length_m);
+        json!({"name": name, "prior_variance": variance, "prior_length": length_m, "sparsity": sparsity})
+    };
+    let variations = |candidates: &Candidates| -> Vec<Value> {
+        let of = |one: &Variation| json!({"weight": one.weight, "sparsity": one.sparsity});
+        candidates.variations.iter().map(of).collect()
+    };
+    match *solver {
         Solver::Map(prior, _) => {
             json!({"name": "map", "prior_variance": prior.variance, "prior_length": prior.length_m})
         }
         Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
         Solver::Tsvd { share } => json!({"name": "tsvd", "share": share}),
-        Solver::Variation(_) => json!({"name": "tv"}),
-        Solver::NonNegative(_) => json!({"name": "nn"}),
-        Solver::Points(_) => json!({"name": "points"}),
-        Solver::Auto(_) => json!({"name": "auto"}),
+        Solver::Variation(candidates) => {
+            json!({"name": "tv", "variations": variations(&candidates)})
+        }
+        Solver::NonNegative(prior) => sparse("nn", prior),
+        Solver::Points(prior) => sparse("points", prior),
+        Solver::Auto(candidates) => {
+            let mut auto = sparse("auto", candidates.sparse);
+            auto["variations"] = variations(&candidates).into();
+            auto
+        }
+    }
+}
+
+/// Returns the settings as the JSON output shows them.
+fn settings_json(
+    settings: &ImagingSettings,
+    (unit, unit_m): (LengthUnit, f64),
+    by_empty_sweep: bool,
+) -> Value {
+    let corners = |area: Rect| [area.min.x_m, area.min.y_m, area.max.x_m, area.max.y_m];
+    let cell_m = match unit {
+        LengthUnit::Metre => None,
+        LengthUnit::Cell => Some(unit_m),
     };
     let weights = match settings.weights {
         WeightModel::Line => json!({"name": "line"}),
@@ -419,14 +449,20 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
     };
     json!({
         "unit": unit.word(),
-        "area": [area.min.x_m, area.min.y_m, area.max.x_m, area.max.y_m],
+        "cell_m": cell_m,
+        "area": corners(settings.grid.area),
+        "ring": corners(settings.ring),
         "pixels": [settings.grid.columns, settings.grid.rows],
-        "solver": solver,
+        "bin": settings.pairing_m,
+        "sensitivity_dbm": settings.noise.sensitivity_dbm,
+        "solver": solver_json(&settings.solver),
         "weights": weights,
         "empty_sweep": by_empty_sweep,
         "shortest_link": settings.shortest_link_m,
         "rim": settings.peaks.rim_m,
         "peak_separation": settings.peaks.separation_m,
+        "most_peaks": settings.peaks.limit,
+        "false_finds": settings.finds.false_per_image,
     })
 }
 

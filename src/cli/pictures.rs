@@ -13,6 +13,8 @@ use crate::ground::imager::{MOST_BLOCKS, Subject};
 use crate::map::{CellRect, Merged, Occupancy};
 use crate::scene::Person;
 use crate::sim::{RunOutcome, Scenario};
+#[cfg(feature = "net")]
+use crate::tomo::{Extras, Imager};
 use crate::tomo::{Find, Finds, Image, Peak, Reconstruction, deviation_of};
 
 /// Draws a run: what changed, what stands there, and the map.
@@ -43,15 +45,41 @@ pub(super) fn write_pictures(
     write("map.png", map(scenario, outcome)?)
 }
 
+/// Returns of which image it is drawn what is behind it.
+fn shown(outcome: &RunOutcome) -> Subject {
+    match outcome.change {
+        Some(_) => Subject::Change,
+        None => Subject::Structure,
+    }
+}
+
+/// Makes the image that is shown once more, of the links of the run, for what is behind it: stores keep images without that.
+#[cfg(feature = "net")]
+pub(super) fn add_links(scenario: &Scenario, outcome: &mut RunOutcome) {
+    let subject = shown(outcome);
+    let (made, empty) = match subject {
+        Subject::Change => (&mut outcome.change, Some(&outcome.empty_links[..])),
+        Subject::Structure => (&mut outcome.structure, None),
+    };
+    let Some(made) = made.as_mut().filter(|made| made.links.is_none()) else {
+        return;
+    };
+    let extras = Extras {
+        persons: true,
+        links: true,
+        ..Extras::default()
+    };
+    let again = Imager::new(scenario.image(subject))
+        .and_then(|mut imager| imager.update(&outcome.links, empty, extras));
+    made.links = again.ok().and_then(|again| again.links);
+}
+
 /// Draws what is behind the image of the change, or without one that of the structure.
 fn pictures_of_links(
     scenario: &Scenario,
     outcome: &RunOutcome,
 ) -> Result<Vec<(&'static str, Vec<u8>)>, CliError> {
-    let subject = match outcome.change {
-        Some(_) => Subject::Change,
-        None => Subject::Structure,
-    };
+    let subject = shown(outcome);
     let settings = scenario.image(subject);
     let made = outcome.change.as_ref().or(outcome.structure.as_ref());
     let Some((made, links)) = made.and_then(|made| Some((made, made.links.as_deref()?))) else {
@@ -323,6 +351,26 @@ mod tests {
             (*at, label.as_deref(), of_map.len()),
             (Point::new(4.0, 4.0), Some("ada"), 1)
         );
+    }
+
+    #[cfg(feature = "net")]
+    #[test]
+    fn what_is_behind_an_image_of_a_store_is_drawn_as_of_one_that_was_just_made() {
+        let (scenario, mut outcome) = run();
+        let made = pictures_of_links(&scenario, &outcome).unwrap();
+        let names: Vec<&str> = made.iter().map(|(name, _)| *name).collect();
+        assert_eq!(
+            names,
+            [
+                "coverage.png",
+                "links.png",
+                "residuals.png",
+                "deviation.png"
+            ]
+        );
+        outcome.change.as_mut().unwrap().links = None;
+        add_links(&scenario, &mut outcome);
+        assert!(pictures_of_links(&scenario, &outcome).unwrap() == made);
     }
 
     #[test]

@@ -55,6 +55,22 @@ fn in_folder(path: &Path, name: &str) -> Result<PathBuf, CliError> {
     })
 }
 
+/// Returns the files that a recording is read from: the file itself, or of a run in a store the database with those that SQLite
+/// has beside it.
+pub(super) fn files_of(path: &Path) -> Vec<PathBuf> {
+    #[cfg(feature = "net")]
+    if let Some((store, _)) = stored(path) {
+        let real = store.canonicalize().unwrap_or(store);
+        let of = |ending: &str| {
+            let mut name = real.clone().into_os_string();
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        return Vec::from(["", "-wal", "-shm"].map(of));
+    }
+    vec![path.to_owned()]
+}
+
 /// Returns the text of a recording.
 ///
 /// # Errors
@@ -101,6 +117,40 @@ mod tests {
     use std::slice;
 
     use super::*;
+
+    #[cfg(feature = "net")]
+    #[test]
+    fn a_store_whose_run_is_imaged_is_not_written_over() {
+        use clap::Parser;
+
+        #[derive(Parser)]
+        struct Program {
+            #[command(flatten)]
+            image: super::super::image::ImageCommand,
+        }
+        let root = tempfile::tempdir().unwrap();
+        let named = |name: &str| root.path().join(name).display().to_string();
+        std::fs::write(named("swarm.db"), "a database").unwrap();
+        let (run, links) = (named("swarm.db:3"), named("links.csv"));
+        for (option, name) in [
+            ("--json", "swarm.db"),
+            ("--npy", "swarm.db"),
+            ("--png", "swarm.db-wal"),
+            ("--coverage", "swarm.db-shm"),
+        ] {
+            let output = named(name);
+            let (run, links, output) = (run.as_str(), links.as_str(), output.as_str());
+            for inputs in [vec![run], vec![links, "--empty", run]] {
+                let words = [vec!["image"], inputs, vec![option, output]].concat();
+                let image = Program::parse_from(words).image;
+                let said = image.run(&mut Vec::new()).unwrap_err().to_string();
+                assert!(said.contains("is an input"), "{said}");
+            }
+        }
+        let kept = std::fs::read_to_string(named("swarm.db")).unwrap();
+        assert_eq!(kept, "a database");
+        assert_eq!(std::fs::read_dir(root.path()).unwrap().count(), 1);
+    }
 
     #[test]
     fn a_folder_is_the_sweep_of_its_run_and_of_the_imaged_run_the_empty_one() {

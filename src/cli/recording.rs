@@ -10,11 +10,13 @@ use serde_json::Value;
 use tomoswarm_proto::RunId;
 
 use super::csv::{self, CsvHeader};
-use super::samples_csv::{NEEDED, read_samples};
+use super::imaging_comments::{comments, read_comments};
+use super::samples_csv::{NEEDED, POWER_DBM, read_samples};
 use crate::config::LinksFile;
 use crate::geom::{Point, Rect};
 use crate::tomo::{
-    self, DeviceOffsets, Devices, LINKS_HEADER, Link, LinkBins, SAMPLES_HEADER, SPOT_M,
+    self, DeviceOffsets, Devices, LINKS_HEADER, Link, LinkBins, MISSED_POWER, SAMPLES_HEADER,
+    SPOT_M,
 };
 
 /// The header that a links file has at least.
@@ -238,59 +240,13 @@ pub fn links_csv(links: &[Link], imaging: Option<&LinksFile>) -> String {
     comments(imaging) + &tomo::links_csv(links)
 }
 
-/// What begins a line of a CSV file that holds no link.
-const COMMENT: char = '#';
-
-/// Returns the comments that say how a file is to be imaged.
-pub(super) fn comments(imaging: Option<&LinksFile>) -> String {
-    let text = imaging.map(LinksFile::written).unwrap_or_default();
-    text.lines()
-        .map(|line| format!("{COMMENT} {line}").trim_end().to_owned() + "\n")
-        .collect()
-}
-
-/// Reads how links are to be imaged from the comments that a file begins with; `None` when they say nothing of it.
-fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
-    let blank_or_comment = |line: &'_ str| match line.trim().is_empty() {
-        true => Some(String::new()),
-        false => line.strip_prefix(COMMENT).map(str::to_owned),
-    };
-    let comments: Vec<String> = text.lines().map_while(blank_or_comment).collect();
-    let uncommented = comments
-        .iter()
-        .map(|line| line.strip_prefix(' ').unwrap_or(line));
-    // Notes of others may stand before; their lines are counted.
-    let mut has_begun = false;
-    let toml: String = uncommented
-        .map(|line| {
-            has_begun = has_begun || LinksFile::begins(line);
-            format!("{}\n", if has_begun { line } else { "" })
-        })
-        .collect();
-    if !has_begun {
-        return Ok(None);
-    }
-    LinksFile::read("", &toml).map(Some).map_err(|problems| {
-        let first = problems.list().first();
-        let (line, found, expected) = first.map_or((1, String::new(), String::new()), |first| {
-            let found = match (first.key.as_str(), first.value.as_str()) {
-                ("", _) => first.wrong.clone(),
-                (key, "") => format!("that {key} {}", first.wrong),
-                (key, value) => format!("{key} = {value}, which {}", first.wrong),
-            };
-            (first.line, found, first.allowed.clone())
-        });
-        wrong(format!("{line}: "), found, expected)
-    })
-}
-
 fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let mut lines = csv::numbered(text);
     let imaging = read_comments(text)?;
     let Some((number, line)) = lines.next() else {
         return Err(wrong("1: ".into(), "an empty file", CSV_HEADER));
     };
-    let of_links = format!("{LINKS_HEADER},{}", HEIGHTS.join(","));
+    let of_links = format!("{LINKS_HEADER},{MISSED_POWER},{}", HEIGHTS.join(","));
     let is_of_links = |name: &str| csv::names(&of_links).any(|known| known == name);
     let mut of_samples = csv::names(SAMPLES_HEADER).filter(|name| !is_of_links(name));
     let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
@@ -336,8 +292,8 @@ fn read_links<'a>(
     let (tx_x, tx_y) = (header.needed("tx_x_m")?, header.needed("tx_y_m")?);
     let (rx_x, rx_y) = (header.needed("rx_x_m")?, header.needed("rx_y_m")?);
     let rssi = header.needed("rssi_dbm")?;
-    let [packets, spots, misses, spread] =
-        ["packets", "spots", "misses", "spread_db"].map(|name| header.column(name));
+    let [packets, spots, misses, spread, missed_power] =
+        ["packets", "spots", "misses", "spread_db", MISSED_POWER].map(|name| header.column(name));
     let heights = HEIGHTS.map(|name| header.column(name));
     let read = |(number, line): (usize, &str)| {
         let fields = header.fields(number, line)?;
@@ -348,6 +304,9 @@ fn read_links<'a>(
         let whole = |column: Option<usize>, default: u32, least: u32, what: &str| match column {
             Some(column) => fields.whole(column, least, what),
             None => Ok(default),
+        };
+        let ranged = |column: Option<usize>, limits: (f64, f64), what: &str| {
+            column.map_or(Ok(0.0), |column| fields.ranged(column, limits, what))
         };
         let misses = whole(misses, 0, 0, "misses")?;
         let packets = whole(packets, 1, u32::from(misses == 0), "packets")?;
@@ -366,10 +325,8 @@ fn read_links<'a>(
                 0 => f64::NAN,
                 _ => fields.ranged(rssi, STRENGTH_DBM, "dBm")?,
             },
-            spread_db: match spread {
-                Some(column) => fields.ranged(column, (0.0, 200.0), "dB")?,
-                None => 0.0,
-            },
+            spread_db: ranged(spread, (0.0, 200.0), "dB")?,
+            missed_power_dbm: ranged(missed_power, POWER_DBM, "dBm")?,
         })
     };
     let links = lines.map(read).collect::<Result<Vec<Link>, _>>()?;
@@ -647,6 +604,20 @@ mod tests {
         for bin_m in [0.5, 0.25] {
             assert!(most_db(bin_m, &samples, &written) < 1e-6);
             assert!(most_db(bin_m, &written, &samples) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn links_are_read_as_they_were_written_whatever_power_they_were_sent_with() {
+        let (from, to) = (Point::new(0.0, 1.0), Point::new(6.0, 6.0));
+        let missed = Link::of_packet(from, to, 8.0, None);
+        let heard = Link::fixed(to, Point::new(0.0, 9.0), 4, -68.0);
+        for links in [vec![heard], vec![heard, missed]] {
+            let text = links_csv(&links, None);
+            let read = read_recording(text.as_bytes()).unwrap().links;
+            let told = |link: &Link| (link.packets, link.misses, link.missed_power_dbm);
+            let [read, links] = [read, links].map(|all| all.iter().map(told).collect::<Vec<_>>());
+            assert_eq!(read, links);
         }
     }
 

@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 use tomoswarm_proto::{RunId, VehicleId};
 
 use super::csv::CsvHeader;
-use super::recording::{RecordingError, STRENGTH_DBM, comments, wrong};
+use super::imaging_comments::comments;
+use super::recording::{RecordingError, STRENGTH_DBM, wrong};
 use crate::config::LinksFile;
 use crate::ground::MeasuredSample;
 use crate::tomo::{Devices, Link, SAMPLES_HEADER, SampleLine};
@@ -15,6 +16,8 @@ use crate::tomo::{Devices, Link, SAMPLES_HEADER, SampleLine};
 /// The columns that one must have to be read.
 pub(super) const NEEDED: &str = "run,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm";
 
+/// Least and most transmit power that are believed, dBm.
+pub(super) const POWER_DBM: (f64, f64) = (-128.0, 127.0);
 /// Times of a clock that are believed, seconds.
 const SECONDS: (f64, f64) = (-1e12, 1e12);
 
@@ -64,7 +67,7 @@ pub(super) struct SampleLinks {
 }
 
 /// Reads lines of samples below their header as links of one packet, or of one miss, and on which channels that was. A sample
-/// that comes again and one whose ends are not both known are passed over.
+/// that comes again and one whose ends are not both known are passed over. A power that is not told is 0 dBm.
 ///
 /// # Errors
 /// The first line that is not as expected, or lines of several runs.
@@ -85,7 +88,7 @@ pub(super) fn read_samples<'a>(
         (Some(vehicle), Some(boot), Some(sequence)) => Some((vehicle, boot, sequence)),
         _ => None,
     };
-    let channel = header.column("channel");
+    let (channel, power) = (header.column("channel"), header.column("power_dbm"));
     let (transmitter, receiver) = (header.column("transmitter"), header.column("vehicle"));
     let (mut links, mut read, mut of_file) = (Vec::new(), BTreeSet::new(), None);
     let [utc, heard_at] = ["utc", "heard_at_s"].map(|name| header.column(name));
@@ -116,14 +119,15 @@ pub(super) fn read_samples<'a>(
             channels.insert(fields.whole(channel, 0, "a channel")?);
         }
         let (from, to) = (fields.place(ends[0])?, fields.place(ends[1])?);
-        let link = if fields.is_empty(rssi) {
-            Link {
-                misses: 1,
-                ..Link::fixed(from, to, 0, f64::NAN)
-            }
-        } else {
-            Link::fixed(from, to, 1, fields.ranged(rssi, STRENGTH_DBM, "dBm")?)
+        let power_dbm = match power.filter(|power| !fields.is_empty(*power)) {
+            Some(power) => fields.ranged(power, POWER_DBM, "dBm")?,
+            None => 0.0,
         };
+        let rssi_dbm = match fields.is_empty(rssi) {
+            true => None,
+            false => Some(fields.ranged(rssi, STRENGTH_DBM, "dBm")?),
+        };
+        let link = Link::of_packet(from, to, power_dbm, rssi_dbm);
         if !is_repeated {
             links.push(link);
             let vehicle = |column: usize| match fields.is_empty(column) {
@@ -230,6 +234,30 @@ mod tests {
         assert_eq!(links[0], (1.234, 1, 0, -60.0));
         assert_eq!((links[1].0, links[1].1, links[1].2), (2.0, 0, 1));
         assert_eq!((links.len(), recording.pooled_in_m), (2, None));
+    }
+
+    #[test]
+    fn samples_of_another_power_show_no_change() {
+        let swept = |power_dbm: i8| {
+            let samples: Vec<MeasuredSample> = (0..9)
+                .map(|sequence| {
+                    let rssi_dbm = -60 - sequence as i16 + i16::from(power_dbm);
+                    let mut one = sample(sequence, 1.25, (sequence < 3).then_some(rssi_dbm));
+                    one.sample.power_dbm = power_dbm;
+                    one
+                })
+                .collect();
+            read_recording(file(&samples).as_bytes()).unwrap()
+        };
+        let (now, empty) = (swept(8), swept(0));
+        let (now, empty, _) = now.pooled_for(Some(&empty), 0.5);
+        let (now, empty) = (now[0], empty.unwrap()[0]);
+        assert_eq!((now.mean_dbm, now.misses), (-61.0, 6));
+        assert_eq!(empty.mean_dbm, -61.0);
+        // What was missed although it was sent with 8 dBm is weaker by these.
+        let lower_db =
+            empty.censored_mean_dbm(-95.0).unwrap() - now.censored_mean_dbm(-95.0).unwrap();
+        assert!((lower_db - 8.0 * 6.0 / 9.0).abs() < 1e-9, "{lower_db}");
     }
 
     #[test]

@@ -10,14 +10,17 @@ use serde_json::json;
 
 use super::error::CliError;
 use super::image::{ImageCommand, bounds, read_with};
-use super::outputs::{PendingFile, about};
+use super::image_settings::warning_of_part;
+use super::image_text::dropped_in_words;
+use super::outputs::{PendingFile, about, dropped_json};
 use super::recording::{Recording, read_recording};
+use super::standard_output::complain;
 use crate::config::SourceFile;
 use crate::draw::{DrawError, HeatMap, Picture, described};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
-    ImagingSettings, MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeLink, VolumePrior, VoxelGrid,
-    reconstruct_volume,
+    DropReason, DroppedLinks, ImagingSettings, Link, MOST_VOLUME_LINKS, MOST_VOXELS, NoiseModel,
+    Volume, VolumeLink, VolumePrior, VoxelGrid, reconstruct_volume,
 };
 
 /// Voxels along the longer side, unless it is said.
@@ -41,7 +44,7 @@ pub(super) fn run(
     let mut made_from = Vec::new();
     let now = read(&command.files, "FILE", &mut made_from)?;
     let empty = read(&command.empty, "--empty", &mut made_from)?;
-    let links = calibrated(&now, &empty);
+    let (links, mut dropped) = calibrated(&now, &empty);
     let refused = |reason: String| CliError::Input {
         path: command.files[0].clone(),
         reason,
@@ -52,6 +55,9 @@ pub(super) fn run(
         return Err(refused(reason.to_owned()));
     }
     let grid = grid_of(command, &now, layers)?;
+    if let Some(warning) = warning_of_part(command.area, bounds(now.links.iter())) {
+        complain(&warning);
+    }
     let length_m = ImagingSettings::prior_for(area_of(&grid)).length_m;
     let prior = VolumePrior {
         variance: ImagingSettings::prior_for(area_of(&grid)).variance,
@@ -66,12 +72,17 @@ pub(super) fn run(
             grid.voxels()
         ))
     })?;
-    write(command, &volume, links.len(), &made_from)?;
+    if volume.used < links.len() {
+        dropped.insert(DropReason::OutsideArea, links.len() - volume.used);
+    }
+    write(command, &volume, &dropped, &made_from)?;
     let [x_m, y_m, z_m] = grid.centre(volume.strongest());
     let text = format!(
-        "links: {}, residual {:.2} dB\nstrongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {:.2} dB/m\n",
-        links.len(),
+        "links: {}, {} used, residual {:.2} dB\n{}strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {:.2} dB/m\n",
+        volume.used + dropped.values().sum::<usize>(),
+        volume.used,
         volume.residual_rms_db,
+        dropped_in_words(&dropped),
         volume.values[volume.strongest()]
     );
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -145,53 +156,71 @@ fn ends(recording: &Recording) -> impl Iterator<Item = ([[f64; 3]; 2], Key)> + '
     recording.heights_m.iter().enumerate().map(of_link)
 }
 
-/// What was heard between two places.
+/// What was measured between two places.
 struct Pooled {
     ends: [[f64; 3]; 2],
-    packets: f64,
-    /// Sum of the strengths, dBm.
-    sum_dbm: f64,
+    key: Key,
+    /// Of all that was heard and missed there; its ends are those of the first.
+    link: Link,
 }
 
-/// Returns what was heard between places, in the order in which they come first, and which of it is whose; what comes again is
-/// pooled by its packets.
+/// Returns what was measured between places, in the order in which they come first, and which of it is whose; what comes again
+/// is pooled by its packets.
 fn pooled(recording: &Recording) -> (Vec<Pooled>, BTreeMap<Key, usize>) {
     let (mut all, mut indices): (Vec<Pooled>, BTreeMap<Key, usize>) = (Vec::new(), BTreeMap::new());
     for (link, (ends, key)) in recording.links.iter().zip(ends(recording)) {
         let index = *indices.entry(key).or_insert(all.len());
-        if index == all.len() {
-            all.push(Pooled {
+        match all.get_mut(index) {
+            Some(known) => {
+                let Link { from, to, .. } = known.link;
+                known.link = known.link.pooled(&Link { from, to, ..*link });
+            }
+            None => all.push(Pooled {
                 ends,
-                packets: 0.0,
-                sum_dbm: 0.0,
-            });
-        }
-        if link.packets > 0 {
-            all[index].packets += f64::from(link.packets);
-            all[index].sum_dbm += f64::from(link.packets) * link.mean_dbm;
+                key,
+                link: *link,
+            }),
         }
     }
     (all, indices)
 }
 
-/// Returns what the links have lost that were heard in both sweeps between the same places.
-fn calibrated(now: &Recording, empty: &Recording) -> Vec<VolumeLink> {
-    let ((now, keys), (empty, partners)) = (pooled(now), pooled(empty));
-    let of_key = |(key, index): (&Key, &usize)| Some((*index, *partners.get(key)?));
-    let mut pairs: Vec<(usize, usize)> = keys.iter().filter_map(of_key).collect();
-    pairs.sort_unstable();
-    let of_pair = |(index, partner): (usize, usize)| {
-        let (link, partner) = (&now[index], &empty[partner]);
-        let is_heard = link.packets > 0.0 && partner.packets > 0.0;
-        let packets = 1.0 / link.packets + 1.0 / partner.packets;
-        is_heard.then(|| VolumeLink {
-            from_m: link.ends[0],
-            to_m: link.ends[1],
-            attenuation_db: partner.sum_dbm / partner.packets - link.sum_dbm / link.packets,
-            sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
-        })
-    };
-    pairs.into_iter().filter_map(of_pair).collect()
+/// Returns what the links have lost that were measured in both sweeps between the same places, and how many were not.
+fn calibrated(now: &Recording, empty: &Recording) -> (Vec<VolumeLink>, DroppedLinks) {
+    let recorded = now.imaging.as_ref();
+    let usual_dbm = NoiseModel::default().sensitivity_dbm;
+    let sensitivity_dbm = recorded.map_or(usual_dbm, |file| file.reception.sensitivity_dbm);
+    let ((now, _), (empty, partners)) = (pooled(now), pooled(empty));
+    let (mut links, mut dropped) = (Vec::new(), DroppedLinks::new());
+    for one in &now {
+        let partner = partners.get(&one.key).map(|index| &empty[*index]);
+        match lost(one, partner, sensitivity_dbm) {
+            Ok(link) => links.push(link),
+            Err(reason) => *dropped.entry(reason).or_default() += 1,
+        }
+    }
+    (links, dropped)
+}
+
+/// Returns what a link has lost, as an image of pixels takes it: misses count at the receiver's sensitivity where there are
+/// many.
+fn lost(
+    now: &Pooled,
+    partner: Option<&Pooled>,
+    sensitivity_dbm: f64,
+) -> Result<VolumeLink, DropReason> {
+    let strength_dbm = |one: &Pooled| one.link.censored_mean_dbm(sensitivity_dbm);
+    let now_dbm = strength_dbm(now).ok_or(DropReason::NeverHeard)?;
+    let partner = partner.ok_or(DropReason::NoEmptyPartner)?;
+    let empty_dbm = strength_dbm(partner).ok_or(DropReason::NoEmptyPartner)?;
+    let share = |one: &Pooled| 1.0 / f64::from(one.link.packets.max(1));
+    let packets = share(now) + share(partner);
+    Ok(VolumeLink {
+        from_m: now.ends[0],
+        to_m: now.ends[1],
+        attenuation_db: empty_dbm - now_dbm,
+        sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
+    })
 }
 
 fn area_of(grid: &VoxelGrid) -> Rect {
@@ -240,7 +269,7 @@ fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<Vox
 fn write(
     command: &ImageCommand,
     volume: &Volume,
-    links: usize,
+    dropped: &DroppedLinks,
     made_from: &[SourceFile],
 ) -> Result<(), CliError> {
     let mut files = Vec::new();
@@ -261,7 +290,8 @@ fn write(
         let grid = volume.grid;
         let strongest = volume.strongest();
         let report = json!({
-            "links": links,
+            "links": volume.used,
+            "dropped": dropped_json(dropped),
             "residual_db": volume.residual_rms_db,
             "low_m": grid.low_m,
             "high_m": grid.high_m,
@@ -318,9 +348,11 @@ mod tests {
         let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
         let now = recorded("0,0,1,9,0,2,4,-66\n0,5,1,9,5,2,4,-60\n0,0,1,9,0,3,4,-61\n");
         let empty = recorded("9,0,2,0,0,1,4,-60\n0,5,1,9,5,2,4,-60\n");
-        let links = calibrated(&now, &empty);
+        let (links, dropped) = calibrated(&now, &empty);
         let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
         assert_eq!(losses, [6.0, 0.0]);
+        let expected = DroppedLinks::from([(DropReason::NoEmptyPartner, 1)]);
+        assert_eq!(dropped, expected);
         assert_eq!(links[0].to_m, [9.0, 0.0, 2.0]);
     }
 
@@ -330,11 +362,24 @@ mod tests {
         let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
         let now = recorded("0,0,1,9,0,2,1,-70\n9,0,2,0,0,1,3,-66\n");
         let empty = recorded("0,0,1,9,0,2,6,-60\n0,5,1,9,5,2,4,-60\n9,0,2,0,0,1,2,-64\n");
-        let links = calibrated(&now, &empty);
+        let (links, _) = calibrated(&now, &empty);
         let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
         assert_eq!(losses, [6.0]);
         let square_db2 =
             PACKET_SD_DB * PACKET_SD_DB * (1.0 / 4.0 + 1.0 / 8.0) + LINK_SD_DB * LINK_SD_DB;
         assert!((links[0].sd_db - square_db2.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_link_that_was_silenced_has_lost_what_it_had_above_the_floor() {
+        let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm,misses\n";
+        let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
+        let now = recorded("0,0,1,9,0,2,0,,7\n0,5,1,9,5,2,2,-70,6\n0,9,1,9,9,2,0,,1\n");
+        let empty = recorded("9,0,2,0,0,1,4,-60,0\n0,5,1,9,5,2,4,-60,0\n0,9,1,9,9,2,4,-60,0\n");
+        let (links, dropped) = calibrated(&now, &empty);
+        let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+        // Of eight packets two were heard at -70 dBm, and six not, at -95 dBm or less.
+        assert_eq!(losses, [35.0, 28.75]);
+        assert_eq!(dropped, DroppedLinks::from([(DropReason::NeverHeard, 1)]));
     }
 }

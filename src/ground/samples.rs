@@ -11,8 +11,7 @@ use tomoswarm_proto::{
     Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS,
 };
 
-use crate::geom::Point;
-use crate::tomo::{Devices, Link, LinkBins};
+use crate::tomo::{Link, LinkBins};
 
 /// Sequences above a gap that are kept of one source.
 const BEYOND_MAX: usize = 65_536;
@@ -142,7 +141,7 @@ impl SampleStore {
                 continue;
             }
             if bins.len() < BINS_MAX && received.take(sample.sequence) {
-                record(bins, batch.vehicle, sample);
+                bins.record_sample(batch.vehicle, sample);
                 new += 1;
             } else {
                 self.refused = self.refused.saturating_add(1);
@@ -219,19 +218,10 @@ impl SampleStore {
     }
 }
 
-fn record(bins: &mut LinkBins, receiver: VehicleId, sample: &Sample) {
-    let devices = Devices {
-        transmitter: sample.transmitter,
-        receiver,
-    };
-    let transmitter = Point::from(sample.transmitter_pose.at);
-    let receiver = Point::from(sample.receiver_pose.at);
-    bins.record(devices, transmitter, receiver, sample.rssi_dbm);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Point;
 
     fn batch(sequences: &[u64]) -> Samples {
         let sample = |sequence: &u64| Sample {

@@ -1,12 +1,13 @@
 //! Pools the packets of moving vehicles into bins: one square at each end of the radio path.
 //!
-//! Memory grows with the bins that were visited and the pairs that have met there, not with packets. Nothing is calibrated or
-//! dropped here.
+//! Memory grows with the bins that were visited and the pairs that have met there, not with packets. Strengths are those of a
+//! transmit power of 0 dBm ([`Link::of_packet`]). Nothing is calibrated or dropped here.
 
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Sample, VehicleId};
 
 use crate::geom::Point;
 
@@ -130,6 +131,8 @@ struct Bin {
     spots: Vec<u16>,
     /// Spots of pooled links beyond the one that their mean place stands for.
     further_spots: u32,
+    /// Sum of what those packets were sent with that were not heard, dBm.
+    missed_power_sum_dbm: f64,
 }
 
 /// All that was heard between bins.
@@ -157,23 +160,28 @@ impl LinkBins {
         }
     }
 
-    /// Counts one packet of two radios from `tx` to `rx`: its strength in dBm, or `None` when it was expected and not heard.
-    /// Places that are not finite are passed over.
+    /// Counts a sample that `receiver` has measured. Places that are not finite are passed over.
+    pub fn record_sample(&mut self, receiver: VehicleId, sample: &Sample) {
+        let devices = Devices {
+            transmitter: sample.transmitter,
+            receiver,
+        };
+        let tx = Point::from(sample.transmitter_pose.at);
+        let rx = Point::from(sample.receiver_pose.at);
+        let rssi_dbm = sample.rssi_dbm.map(f64::from);
+        let link = Link::of_packet(tx, rx, f64::from(sample.power_dbm), rssi_dbm);
+        self.record_link(Some(devices), &link);
+    }
+
+    /// Counts one packet of two radios from `tx` to `rx` that was sent with 0 dBm: its strength in dBm, or `None` when it was
+    /// expected and not heard. Places that are not finite are passed over.
     pub fn record(&mut self, devices: Devices, tx: Point, rx: Point, rssi_dbm: Option<i16>) {
-        if !tx.is_finite() || !rx.is_finite() {
-            return;
-        }
-        let (key, exchanged) = BinKey::of(tx, rx, self.bin_m);
-        let (from, to) = if exchanged { (rx, tx) } else { (tx, rx) };
-        let spot = spot_code(from, to, self.bin_m, self.spot_m);
-        self.bins
-            .entry(key)
-            .or_default()
-            .add(devices, (from, to), rssi_dbm, spot);
+        let link = Link::of_packet(tx, rx, 0.0, rssi_dbm.map(f64::from));
+        self.record_link(Some(devices), &link);
     }
 
     /// Counts the pooled packets of a link, as if each had been recorded at the link's mean places; `devices` measured all of
-    /// them, `None` = it is not known who.
+    /// them, `None` = it is not known who. Places that are not finite are passed over.
     pub fn record_link(&mut self, devices: Option<Devices>, link: &Link) {
         if !link.from.is_finite() || !link.to.is_finite() {
             return;
@@ -270,28 +278,6 @@ impl Bin {
         &mut self.heard[index]
     }
 
-    fn add(
-        &mut self,
-        devices: Devices,
-        (from, to): (Point, Point),
-        rssi_dbm: Option<i16>,
-        spot: u16,
-    ) {
-        self.records = self.records.saturating_add(1);
-        self.from_sum.add(from, 1);
-        self.to_sum.add(to, 1);
-        let Some(rssi_dbm) = rssi_dbm.map(f64::from) else {
-            return;
-        };
-        let heard = self.heard(Some(devices));
-        heard.packets = heard.packets.saturating_add(1);
-        heard.sum_dbm += rssi_dbm;
-        heard.square_sum += rssi_dbm * rssi_dbm;
-        if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
-            self.spots.push(spot);
-        }
-    }
-
     fn add_link(
         &mut self,
         devices: Option<Devices>,
@@ -306,6 +292,7 @@ impl Bin {
         self.records = self.records.saturating_add(records);
         self.from_sum.add(from, records);
         self.to_sum.add(to, records);
+        self.missed_power_sum_dbm += f64::from(link.misses) * link.missed_power_dbm;
         if link.packets == 0 {
             return;
         }
@@ -330,7 +317,7 @@ impl Bin {
             sum_dbm += heard.sum_dbm;
             square_sum += heard.square_sum;
         }
-        let packets = f64::from(count);
+        let (packets, misses) = (f64::from(count), self.records.saturating_sub(count));
         let mean_dbm = sum_dbm / packets;
         let variance = (square_sum / packets - mean_dbm * mean_dbm).max(0.0);
         let unbiased = if count > 1 {
@@ -345,9 +332,10 @@ impl Bin {
             spots: (self.spots.len() as u32)
                 .saturating_add(self.further_spots)
                 .clamp(1, MOST_SPOTS as u32),
-            misses: self.records.saturating_sub(count),
+            misses,
             mean_dbm,
             spread_db: unbiased.sqrt(),
+            missed_power_dbm: self.missed_power_sum_dbm / f64::from(misses.max(1)),
         }
     }
 }
@@ -363,7 +351,7 @@ fn spot_code(from: Point, to: Point, bin_m: f64, spot_m: f64) -> u16 {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::VehicleId;
+    use tomoswarm_proto::{PoseReport, Position};
 
     use super::*;
 
@@ -390,6 +378,55 @@ mod tests {
         assert!((link.spread_db - 2.0).abs() < 1e-9);
         assert!(link.from.distance_to(Point::new(0.15, 0.2)) < 1e-9);
         assert!(link.to.distance_to(b) < 1e-9);
+    }
+
+    /// A run of two vehicles of which one drives along the south side, heard by the other from 6 m on.
+    fn run_of(power_dbm: i8) -> LinkBins {
+        let pose = |x_m, y_m| PoseReport {
+            at: Position::from_metres(x_m, y_m, 0.0),
+            ..PoseReport::default()
+        };
+        let mut bins = LinkBins::default();
+        for sequence in 0..120_u64 {
+            let x_m = 0.1 * sequence as f64;
+            let sample = Sample {
+                sequence,
+                heard_at_ns: 0,
+                transmitter: VehicleId(1),
+                transmitter_pose: pose(x_m, 0.2),
+                receiver_pose: pose(6.2, 12.2),
+                channel: 11,
+                power_dbm,
+                rssi_dbm: (x_m > 6.0).then_some(-60 - sequence as i16 + i16::from(power_dbm)),
+            };
+            bins.record_sample(VehicleId(2), &sample);
+        }
+        bins
+    }
+
+    #[test]
+    fn a_run_with_another_power_shows_the_same_strengths() {
+        let empty = run_of(0).links();
+        assert!(
+            empty
+                .iter()
+                .any(|link| link.packets == 0 && link.misses > 2)
+        );
+        for power_dbm in [-10, 8] {
+            let now = run_of(power_dbm).links();
+            assert_eq!(now.len(), empty.len());
+            for (now, empty) in now.iter().zip(&empty) {
+                assert!(
+                    now.packets == 0 || now.mean_dbm == empty.mean_dbm,
+                    "{now:?}"
+                );
+                assert_eq!((now.packets, now.misses), (empty.packets, empty.misses));
+                // What was not heard with more power is weaker.
+                let floor = (empty.packets == 0).then_some(-95.0 - f64::from(power_dbm));
+                let heard = (empty.packets > 0).then_some(empty.mean_dbm);
+                assert_eq!(now.censored_mean_dbm(-95.0), heard.or(floor), "{now:?}");
+            }
+        }
     }
 
     #[test]

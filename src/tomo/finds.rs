@@ -28,7 +28,8 @@ use super::person::PersonModel;
 use super::student::DEGREES;
 use crate::geom::{Point, Rect};
 
-/// A person is added while it gains this much, a liberal measure: false ones soak up clutter and go again.
+/// A person is added while it gains this much, or as much as passes if that is less, a liberal measure: false ones soak up
+/// clutter and go again.
 const LEAST_GAIN: f64 = 8.0;
 /// A place is looked at more closely from this share of it on.
 const CANDIDATE_SHARE: f64 = 0.4;
@@ -38,8 +39,10 @@ const STRONG_GAIN: f64 = 15.0;
 const SURE_GAIN: f64 = 20.0;
 /// Who passes and whose place is less sure than this, radii of a person, is not found: the links cannot tell where.
 const LOCATED: f64 = 3.3;
-/// Places are searched farther apart where there would be more.
+/// Places are searched farther apart where there would be more, or more pairs of a place and a link; one pair in eight or so is
+/// kept, 16 bytes. Eight vehicles around 20 x 20 m make 40 million.
 const MOST_PLACES: f64 = 100_000.0;
+const MOST_PAIRS: f64 = 100_000_000.0;
 /// Most persons that are searched.
 const MOST: usize = 12;
 
@@ -244,13 +247,13 @@ impl Search<'_> {
     /// too.
     fn added(&self, inner: Rect) -> (Vec<Target>, Option<Target>) {
         let evidence = &self.evidence;
-        let coarsest_m = (inner.width_m() * inner.height_m() / MOST_PLACES).sqrt();
-        let pitch_m = evidence.settings.pitch_m.max(coarsest_m);
+        let pitch_m = places_apart_m(evidence.settings, inner, evidence.links.len());
         let places = Places::new(evidence, inner, pitch_m);
+        let least_gain = LEAST_GAIN.min(self.threshold);
         let mut targets = Vec::new();
         let mut loss = evidence.loss(&targets);
         while targets.len() < MOST {
-            let candidates = places.candidates(evidence, &targets, CANDIDATE_SHARE * LEAST_GAIN);
+            let candidates = places.candidates(evidence, &targets, CANDIDATE_SHARE * least_gain);
             let refined = candidates.into_iter().map(|candidate| {
                 let mut with = targets.clone();
                 with.push(candidate);
@@ -258,7 +261,7 @@ impl Search<'_> {
             });
             let best = refined.reduce(|best, next| if next.1 < best.1 { next } else { best });
             match best {
-                Some((with, with_loss)) if loss - with_loss >= LEAST_GAIN => {
+                Some((with, with_loss)) if loss - with_loss >= least_gain => {
                     (targets, loss) = (with, with_loss);
                 }
                 best => return (targets, best.and_then(|(with, _)| with.last().copied())),
@@ -383,6 +386,13 @@ impl Search<'_> {
             })
             .collect()
     }
+}
+
+/// Returns how far apart places are searched, metres: as is wanted, and farther where that would take too much memory.
+fn places_apart_m(settings: &FindSettings, inner: Rect, links: usize) -> f64 {
+    let most = MOST_PLACES.min(MOST_PAIRS / links.max(1) as f64);
+    let finest_m = (inner.width_m() * inner.height_m() / most).sqrt();
+    settings.pitch_m.max(finest_m)
 }
 
 fn targets_above(judged: &[Judged], gain: f64) -> Vec<Target> {

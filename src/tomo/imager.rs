@@ -55,6 +55,9 @@ pub enum TomoError {
 
 /// Structure this many prior deviations strong leaves half of the room for a change.
 const SOLID_SD: f64 = 1.5;
+/// What stood in an empty sweep is not imaged anew while its links differ by no more than this, dB: what radios differ by,
+/// which is taken out of them, is found anew from the links of every image.
+const SAME_SCENE_DB: f64 = 0.5;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
 
@@ -138,10 +141,10 @@ struct EmptyScene {
 }
 
 impl EmptyScene {
-    /// Returns whether it is that of these links.
-    fn is_of(&self, links: &[Link]) -> bool {
+    /// Returns whether it is that of these links, or of such whose strengths differ by so much at most, dB.
+    fn is_of(&self, links: &[Link], within_db: f64) -> bool {
         let pairs = || self.empty.iter().zip(links);
-        self.empty.len() == links.len() && pairs().all(|(own, link)| own.is_same(link))
+        self.empty.len() == links.len() && pairs().all(|(own, link)| own.is_same(link, within_db))
     }
 }
 
@@ -338,7 +341,14 @@ impl Imager {
     /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
     /// D = 1 / (1 + (x / x₀)²), x the structure's image of the empty sweep, x₀ [`SOLID_SD`] times its prior's deviation.
     fn room_for_change(&mut self, empty: &[Link]) -> Vec<f64> {
-        if let Some(standing) = self.standing.as_ref().filter(|one| one.is_of(empty)) {
+        // An image that begins cold depends on its links alone.
+        let within_db = if self.last.is_empty() {
+            0.0
+        } else {
+            SAME_SCENE_DB
+        };
+        let known = self.standing.as_ref();
+        if let Some(standing) = known.filter(|one| one.is_of(empty, within_db)) {
             return standing.room.clone();
         }
         let prior = ImagingSettings::prior_for(self.settings.grid.area);

@@ -1,6 +1,8 @@
 //! What is known of one radio path: where its ends were, how strong it was, how well that is known.
 //!
 //! A link is direction-free: packets of both directions are pooled before (reciprocity holds within 0.9 dB).
+//! Strengths are those of a transmit power of 0 dBm, whatever packets were sent with ([`Link::of_packet`]), so that runs can be
+//! compared.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,10 +24,13 @@ pub struct Link {
     pub spots: u32,
     /// Packets that were expected and not heard.
     pub misses: u32,
-    /// Mean signal strength of the packets heard, dBm; not a number when none was heard.
+    /// Mean signal strength of the packets heard, dBm, as if they had been sent with 0 dBm; not a number when none was heard.
     pub mean_dbm: f64,
     /// Standard deviation of a single packet about the mean, dB; 0 when unknown.
     pub spread_db: f64,
+    /// Mean transmit power of the packets that were not heard, dBm: for these the receiver's floor lies so much lower. 0 when
+    /// all were heard.
+    pub missed_power_dbm: f64,
 }
 
 impl Link {
@@ -39,6 +44,20 @@ impl Link {
             misses: 0,
             mean_dbm,
             spread_db: 0.0,
+            missed_power_dbm: 0.0,
+        }
+    }
+
+    /// Makes a link of one packet: what it was sent with, dBm, and how strongly it was heard, dBm; `None` when it was expected
+    /// and not heard.
+    pub fn of_packet(from: Point, to: Point, power_dbm: f64, rssi_dbm: Option<f64>) -> Link {
+        match rssi_dbm {
+            Some(rssi_dbm) => Link::fixed(from, to, 1, rssi_dbm - power_dbm),
+            None => Link {
+                misses: 1,
+                missed_power_dbm: power_dbm,
+                ..Link::fixed(from, to, 0, f64::NAN)
+            },
         }
     }
 
@@ -52,19 +71,24 @@ impl Link {
         Segment::new(self.from, self.to)
     }
 
-    /// Returns whether both say the same; two that were never heard have no strength, and say the same of it.
-    pub(super) fn is_same(&self, other: &Link) -> bool {
+    /// Returns whether both say the same, strength and spread within so much, dB; two that were never heard have no strength,
+    /// and say the same of it.
+    pub(super) fn is_same(&self, other: &Link, within_db: f64) -> bool {
         let but_for_strength = |link: &Link| Link {
             mean_dbm: 0.0,
+            spread_db: 0.0,
             ..*link
         };
-        let is_as_strong =
-            self.mean_dbm == other.mean_dbm || (self.mean_dbm.is_nan() && other.mean_dbm.is_nan());
-        is_as_strong && but_for_strength(self) == but_for_strength(other)
+        let is_near = |own_db: f64, its_db: f64| {
+            (own_db - its_db).abs() <= within_db || (own_db.is_nan() && its_db.is_nan())
+        };
+        is_near(self.mean_dbm, other.mean_dbm)
+            && is_near(self.spread_db, other.spread_db)
+            && but_for_strength(self) == but_for_strength(other)
     }
 
     /// Returns the pooled packets of this link and another one whose ends lie near this one's, in this order.
-    pub(super) fn pooled(&self, other: &Link) -> Link {
+    pub fn pooled(&self, other: &Link) -> Link {
         let share =
             |own: u32, its: u32| f64::from(its) / (f64::from(own) + f64::from(its)).max(1.0);
         let records = |link: &Link| link.packets.saturating_add(link.misses);
@@ -89,7 +113,14 @@ impl Link {
             misses: self.misses.saturating_add(other.misses),
             mean_dbm,
             spread_db: ((squares(self) + squares(other)) / freedom).sqrt(),
+            missed_power_dbm: self.pooled_missed_power_dbm(other),
         }
+    }
+
+    /// Returns the mean transmit power over what was not heard of both.
+    fn pooled_missed_power_dbm(&self, other: &Link) -> f64 {
+        let (own, its) = (f64::from(self.misses), f64::from(other.misses));
+        (own * self.missed_power_dbm + its * other.missed_power_dbm) / (own + its).max(1.0)
     }
 
     /// Returns the mean over the packets of both; not a number when neither was heard.
@@ -109,23 +140,22 @@ impl Link {
         self.misses >= self.packets.max(FEWEST_MISSES)
     }
 
-    /// Returns the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known.
+    /// Returns the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known. For a
+    /// packet that was sent with more than 0 dBm that lies lower by as much.
     ///
     /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
     /// at least as many misses as packets, each counts as one packet at the sensitivity, which bounds the
     /// attenuation from below. A link that was never heard needs three misses to count.
     pub fn censored_mean_dbm(&self, sensitivity_dbm: f64) -> Option<f64> {
         let (heard, missed) = (f64::from(self.packets), f64::from(self.misses));
+        let floor_dbm = sensitivity_dbm - self.missed_power_dbm;
         if self.packets == 0 {
-            return (self.misses >= FEWEST_MISSES).then_some(sensitivity_dbm);
+            return (self.misses >= FEWEST_MISSES).then_some(floor_dbm);
         }
         if !self.is_at_floor() {
             return Some(self.mean_dbm);
         }
-        Some(
-            (heard * self.mean_dbm + missed * sensitivity_dbm.min(self.mean_dbm))
-                / (heard + missed),
-        )
+        Some((heard * self.mean_dbm + missed * floor_dbm.min(self.mean_dbm)) / (heard + missed))
     }
 }
 
@@ -168,6 +198,20 @@ mod tests {
         assert_eq!(silent.pooled(&two).mean_dbm, -72.0);
         assert!(
             silent.pooled(&silent).mean_dbm.is_nan() && silent.pooled(&silent).spread_db == 0.0
+        );
+    }
+
+    #[test]
+    fn a_packet_says_the_same_whatever_it_was_sent_with() {
+        let (here, there) = (Point::new(0.0, 0.0), Point::new(10.0, 0.0));
+        let of = |power_dbm, rssi_dbm| Link::of_packet(here, there, power_dbm, rssi_dbm);
+        assert_eq!(of(8.0, Some(-52.0)), of(0.0, Some(-60.0)));
+        assert_eq!(of(-10.0, Some(-70.0)), of(0.0, Some(-60.0)));
+        // Of three packets that were sent with 5, 5 and 8 dBm the floor lies 6 dB lower.
+        let missed = of(5.0, None).pooled(&of(5.0, None)).pooled(&of(8.0, None));
+        assert_eq!(
+            (missed.misses, missed.censored_mean_dbm(-95.0)),
+            (3, Some(-101.0))
         );
     }
 

@@ -461,10 +461,22 @@ impl OfLinks {
     /// Adds a row and a column to K, and with them a row to J and an entry to α; returns whether K stays positive definite.
     fn border(&mut self, column: &[f64], diagonal: f64, link: StreamedLink<'_>) -> bool {
         let mut turned = vec![0.0; column.len()];
-        let (mut square, mut start) = (0.0, 0);
-        for i in 0..column.len() {
-            let row = &self.inverse[start..=start + i];
-            start += i + 1;
+        let mut square = 0.0;
+        let whole = column.len() / 4 * 4;
+        let mut unread = self.inverse.as_slice();
+        for first in (0..whole).step_by(4) {
+            let rows: [&[f64]; 4] = std::array::from_fn(|own| {
+                let (row, rest) = unread.split_at(first + own + 1);
+                unread = rest;
+                row
+            });
+            let known = four_products(rows, column);
+            square += known.iter().map(|l| l * l).sum::<f64>();
+            add_four(&mut turned, rows, known);
+        }
+        for i in whole..column.len() {
+            let (row, rest) = unread.split_at(i + 1);
+            unread = rest;
             let l = dot(row, &column[..=i]);
             square += l * l;
             add_scaled(&mut turned, row, l);
@@ -482,6 +494,43 @@ impl OfLinks {
         add_scaled(&mut self.dual, &turned, told);
         self.inverse.extend_from_slice(&turned);
         true
+    }
+}
+
+/// Returns the inner products of four rows, each one longer than that before it, with the beginning of a column: what they have
+/// in common is read once.
+fn four_products(rows: [&[f64]; 4], column: &[f64]) -> [f64; 4] {
+    let common = rows[0].len();
+    let [a, b, c, d] = rows.map(|row| &row[..common]);
+    let mut sums = [[0.0; 2]; 4];
+    let pairs = a.chunks_exact(2).zip(b.chunks_exact(2));
+    let pairs = pairs.zip(c.chunks_exact(2).zip(d.chunks_exact(2)));
+    for (((a, b), (c, d)), with) in pairs.zip(column.chunks_exact(2)) {
+        for lane in 0..2 {
+            sums[0][lane] += a[lane] * with[lane];
+            sums[1][lane] += b[lane] * with[lane];
+            sums[2][lane] += c[lane] * with[lane];
+            sums[3][lane] += d[lane] * with[lane];
+        }
+    }
+    let from = common / 2 * 2;
+    std::array::from_fn(|own| {
+        let rest = rows[own][from..].iter().zip(&column[from..]);
+        let rest: f64 = rest.map(|(value, with)| value * with).sum();
+        sums[own][0] + sums[own][1] + rest
+    })
+}
+
+/// Adds four rows, each one longer than that before it, each times a factor.
+fn add_four(to: &mut [f64], rows: [&[f64]; 4], factors: [f64; 4]) {
+    let common = rows[0].len();
+    let [a, b, c, d] = rows.map(|row| &row[..common]);
+    let values = a.iter().zip(b).zip(c.iter().zip(d));
+    for (to, ((a, b), (c, d))) in to.iter_mut().zip(values) {
+        *to += (factors[0] * a + factors[1] * b) + (factors[2] * c + factors[3] * d);
+    }
+    for (row, factor) in rows.into_iter().zip(factors) {
+        add_scaled(&mut to[common..], &row[common..], factor);
     }
 }
 

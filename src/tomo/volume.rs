@@ -96,6 +96,8 @@ pub struct Volume {
     pub values: Vec<f64>,
     /// Root mean square of what the volume does not explain, dB.
     pub residual_rms_db: f64,
+    /// Links that touch it.
+    pub used: usize,
 }
 
 impl Volume {
@@ -161,6 +163,7 @@ pub fn reconstruct_volume(
         grid,
         values: covariance.times(&weighted),
         residual_rms_db: (squares / rows.len() as f64).sqrt(),
+        used: rows.len(),
     })
 }
 

@@ -474,6 +474,35 @@ fn the_shares_of_a_pixel_sum_to_its_value_and_only_map_knows_them() {
 }
 
 #[test]
+fn the_json_says_all_that_an_image_was_made_with() {
+    let folder = folder_with(&[("now.csv", &sweep(Some((4.0, 6.0))))]);
+    let cells = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/two_rovers_2016.json");
+    let settings_of = |arguments: &[&str]| {
+        let output = tomoswarm(folder.path(), &[arguments, &["--json", "o.json"]].concat());
+        assert!(output.status.success(), "{output:?}");
+        let text = fs::read_to_string(folder.path().join("o.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        report["settings"].clone()
+    };
+    let usual = settings_of(&["now.csv"]);
+    assert_eq!(usual["ring"], serde_json::json!([0.0, 0.0, 10.0, 10.0]));
+    assert_eq!(usual["bin"], 0.5);
+    assert_eq!(usual["sensitivity_dbm"], -95.0);
+    assert_eq!(
+        (&usual["most_peaks"], &usual["false_finds"]),
+        (&5.into(), &0.02.into())
+    );
+    assert!(usual["cell_m"].is_null());
+    let variations = usual["solver"]["variations"].as_array().unwrap();
+    assert!(variations.len() == 3 && variations[0]["weight"].is_number());
+    let sparse = settings_of(&["now.csv", "--solver", "nn"])["solver"].clone();
+    assert!(sparse["prior_variance"].is_number() && sparse["sparsity"].is_number());
+    let cells = cells.to_str().unwrap();
+    let of_cells = settings_of(&[cells, "--cell", "0.4", "--solver", "map"]);
+    assert_eq!(of_cells["cell_m"], 0.4);
+}
+
+#[test]
 fn auto_decides_where_nothing_is_said_and_cells_have_a_size() {
     let folder = folder_with(&[("now.csv", &sweep(Some((4.0, 6.0))))]);
     let solver_of = |arguments: &[&str]| {

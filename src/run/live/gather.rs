@@ -14,7 +14,7 @@ use crate::sim::{Collision, EMPTY_RUN, RUN, RunCounts, RunOutcome, Scenario, Sce
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, StoredImage};
 use crate::time::Time;
-use crate::tomo::{Devices, Link, LinkBins, Reconstruction, SPOT_M};
+use crate::tomo::{Link, LinkBins, Reconstruction, SPOT_M};
 
 /// Why nothing can be gathered.
 #[derive(Debug, thiserror::Error)]
@@ -157,17 +157,7 @@ fn bins(
     let mut bins = LinkBins::new(scenario.sim().imaging.bin_m, SPOT_M);
     let mut count = 0;
     store.each_sample(Some(run), |stored| {
-        let sample = stored.sample;
-        let devices = Devices {
-            transmitter: sample.transmitter,
-            receiver: stored.vehicle,
-        };
-        bins.record(
-            devices,
-            sample.transmitter_pose.at.into(),
-            sample.receiver_pose.at.into(),
-            sample.rssi_dbm,
-        );
+        bins.record_sample(stored.vehicle, &stored.sample);
         count += 1;
     })?;
     Ok((count, bins))

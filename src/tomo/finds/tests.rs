@@ -97,6 +97,36 @@ fn too_few_links_give_a_place_and_no_find() {
 }
 
 #[test]
+fn who_passes_is_found_however_little_it_gains() {
+    let settings = FindSettings {
+        false_per_image: 1.0,
+        ..FindSettings::IN_METRES
+    };
+    let (model, person) = (settings.person, Point::new(8.0, 11.0));
+    let nobody = sweep(400, &[], 3);
+    let mut passed = 0;
+    for step in 1..=24 {
+        let strength = 0.5 * f64::from(step);
+        let stands_in = |one: &Observation| {
+            let link = model.link(one.from, one.to, AREA, 0.0);
+            Observation {
+                attenuation_db: one.attenuation_db + strength * model.chord_m(&link, person),
+                ..*one
+            }
+        };
+        let observations: Vec<Observation> = nobody.iter().map(stands_in).collect();
+        let finds = find_persons(&observations, AREA, None, &settings).unwrap();
+        passed += finds.found.len();
+        let Some(next) = finds.next else { continue };
+        // The noise is measured anew when those who were added are known.
+        let passes = next.evidence >= finds.threshold + 0.8;
+        let is_located = next.deviation_m() <= LOCATED * model.radius_m;
+        assert!(!(passes && is_located), "{strength} dB/m: {finds:?}");
+    }
+    assert!(passed >= 8, "{passed}");
+}
+
+#[test]
 fn who_may_stand_anywhere_along_the_links_is_not_found() {
     // All links lie side by side, so nothing tells where along them the person stands.
     let person = FindSettings::IN_METRES.person;
@@ -131,6 +161,23 @@ fn the_order_of_links_changes_nothing_but_the_last_digits() {
     let other = find(&observations);
     assert_eq!(one.found.len(), other.found.len());
     assert!(one.found[0].at.distance_to(other.found[0].at) < 1e-3);
+}
+
+#[test]
+fn places_are_farther_apart_where_they_and_the_links_would_take_too_much_memory() {
+    let settings = FindSettings::IN_METRES;
+    let of = |side_m: f64, links: usize| {
+        let inner = Rect::new(Point::default(), Point::new(side_m, side_m));
+        let pitch_m = places_apart_m(&settings, inner, links);
+        let places = (side_m / pitch_m) * (side_m / pitch_m);
+        (pitch_m, places * links as f64)
+    };
+    assert_eq!(of(18.4, 17_500).0, settings.pitch_m);
+    assert_eq!(of(30.0, 10_000).0, settings.pitch_m);
+    for (side_m, links) in [(18.4, 500_000), (100.0, 100_000), (1000.0, 10_000)] {
+        let (pitch_m, pairs) = of(side_m, links);
+        assert!(pitch_m > settings.pitch_m && pairs < 1.01 * MOST_PAIRS);
+    }
 }
 
 #[test]

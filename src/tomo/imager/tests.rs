@@ -66,3 +66,32 @@ fn what_stood_there_is_imaged_once_for_one_empty_sweep() {
     empty[0].mean_dbm -= 1.0;
     assert_ne!(imager.room_for_change(&empty), marked);
 }
+
+#[test]
+fn radios_that_are_known_a_little_better_do_not_have_the_empty_sweep_imaged_anew() {
+    let (empty, now) = (links(1.0), links(2.0));
+    let settings = ImagingSettings::for_change(AREA);
+    let mut imager = Imager::new(settings).unwrap();
+    let update = |imager: &mut Imager| {
+        imager
+            .update(&now, Some(&empty), Extras::default())
+            .unwrap()
+    };
+    update(&mut imager);
+    let marked = vec![0.5; settings.grid.len()];
+    imager.standing.as_mut().unwrap().room.clone_from(&marked);
+    let mut corrected = empty.clone();
+    for (index, link) in corrected.iter_mut().enumerate() {
+        link.mean_dbm += if index % 2 == 0 { 0.2 } else { -0.2 };
+        link.spread_db += 0.1;
+    }
+    assert_eq!(imager.room_for_change(&corrected), marked);
+    // The last image of a run depends on its links alone.
+    imager.forget();
+    assert_ne!(imager.room_for_change(&corrected), marked);
+    // Strengths that differ by more are those of another sweep.
+    update(&mut imager);
+    imager.standing.as_mut().unwrap().room.clone_from(&marked);
+    corrected[0].mean_dbm += 1.0;
+    assert_ne!(imager.room_for_change(&corrected), marked);
+}
