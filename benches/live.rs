@@ -260,7 +260,7 @@ fn halt_latency() {
                 pose,
                 flight_state: Default::default(),
                 speed_mps,
-                battery: 1.0,
+                battery: Some(1.0),
                 motion,
                 is_armed: true,
                 stored: None,

@@ -8,6 +8,7 @@
 //! exactly these, a driver only translates them to bytes. Nothing here knows a device, a world or an order of an operator.
 
 mod autopilot_command;
+pub(crate) mod charge;
 mod command;
 pub mod item;
 pub mod link;

@@ -16,8 +16,9 @@ pub struct AutopilotReport {
     pub flight_state: FlightState,
     /// Speed over ground, m/s.
     pub speed_mps: f64,
-    /// Charge left, 0 to 1.
-    pub battery: f64,
+    /// Charge left, 0 to 1; `None` = the autopilot has ceased to say it.
+    #[serde(with = "crate::autopilot::charge")]
+    pub battery: Option<f64>,
     /// Whether and how it moves.
     pub motion: Motion,
     /// Whether it stands on the ground; always for what drives.
@@ -118,8 +119,9 @@ pub struct Telemetry {
     pub flight_state: FlightState,
     /// Speed over ground, m/s.
     pub speed_mps: f64,
-    /// Charge left, 0 to 1.
-    pub battery: f64,
+    /// Charge left, 0 to 1; `None` = the autopilot has ceased to say it.
+    #[serde(with = "crate::autopilot::charge")]
+    pub battery: Option<f64>,
     /// Whether and how the body moves.
     pub motion: Motion,
     /// Whether the motors have current.

@@ -13,7 +13,7 @@ pub(crate) fn resting_report() -> AutopilotReport {
         },
         flight_state: Default::default(),
         speed_mps: 0.0,
-        battery: 1.0,
+        battery: Some(1.0),
         motion: Motion::Resting,
         is_landed: true,
         mode: FlightMode::Guided,

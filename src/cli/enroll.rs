@@ -177,10 +177,10 @@ impl EnrollArgs {
         }
         let swarm = Swarm::open(&self.folder)?;
         swarm.check_venue(&venue)?;
-        let (next, issued) = self.issue(&swarm, wanted)?;
+        let (next, issued) = self.issue(&swarm, &wanted)?;
         if issued.is_empty() {
             let issue = swarm.roster.issue;
-            let gone = self.without_folders(&swarm)?;
+            let gone = without_folders(&swarm, &wanted);
             return Ok(format!(
                 "all are enrolled already, roster issue {issue}\n{gone}"
             ));
@@ -228,42 +228,32 @@ impl EnrollArgs {
         Ok(said + &roster_advice(&swarm, &next, is_new))
     }
 
-    /// Says of which nodes that are enrolled there is no folder here: they were carried away, or never written.
-    fn without_folders(&self, swarm: &Swarm) -> Result<String, CliError> {
-        let wanted = self.wanted()?.into_iter();
-        let gone =
-            wanted.filter(|wanted| !swarm.node_folder(wanted.node).join(CERTIFICATE).exists());
-        let names = gone.map(|wanted| CommonName::node_name(wanted.node));
-        Ok(names
-            .map(|name| {
-                format!("{name} has no certificate here: unless its folder was carried to it, give it a new one (--replace)\n")
-            })
-            .collect())
-    }
-
     /// Issues certificates for those that are not enrolled already in just this way, and the roster that allows them all.
     fn issue(
         &self,
         swarm: &Swarm,
-        wanted: Vec<WantedNode>,
+        wanted: &[WantedNode],
     ) -> Result<(Roster, Vec<IssuedNode>), CliError> {
         let (mut next, mut all) = (swarm.roster.clone(), Vec::new());
         for WantedNode { node, hosts } in wanted {
-            if self.node.is_none() && swarm.roster.of(node).is_some() {
-                swarm.check_hosts(node, &hosts)?;
+            if self.node.is_none() && swarm.roster.of(*node).is_some() {
+                swarm.check_hosts(*node, hosts)?;
                 continue;
             }
             let name = next
-                .next_name(node, self.replace)
+                .next_name(*node, self.replace)
                 .map_err(|error| swarm.refused(ROSTER, error))?;
             let issued = swarm
                 .authority
-                .issue(name, &hosts)
+                .issue(name, hosts)
                 .map_err(|error| swarm.refused(CA, error))?;
             next = next
                 .admitting(issued.entry.clone())
                 .map_err(|error| swarm.refused(ROSTER, error))?;
-            all.push(IssuedNode { hosts, issued });
+            all.push(IssuedNode {
+                hosts: hosts.clone(),
+                issued,
+            });
         }
         // However many are admitted, it is one issue.
         next.issue = next.issue.min(swarm.roster.issue.saturating_add(1));
@@ -404,6 +394,18 @@ impl EnrollArgs {
             reached: swarm.reached(roster),
         }
     }
+}
+
+/// Says of which nodes that are enrolled there is no folder here: they were carried away, or never written.
+fn without_folders(swarm: &Swarm, wanted: &[WantedNode]) -> String {
+    let is_gone = |wanted: &&WantedNode| !swarm.node_folder(wanted.node).join(CERTIFICATE).exists();
+    let gone = wanted.iter().filter(is_gone);
+    let names = gone.map(|wanted| CommonName::node_name(wanted.node));
+    names
+        .map(|name| {
+            format!("{name} has no certificate here: unless its folder was carried to it, give it a new one (--replace)\n")
+        })
+        .collect()
 }
 
 /// Refuses a configuration that `tomoswarm check` would refuse.

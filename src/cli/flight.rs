@@ -81,6 +81,7 @@ impl Flights {
                 settings,
                 venue,
                 lattice,
+                start: None,
                 utc_at_zero_ns: None,
             };
             let limits = RecordingLimits {

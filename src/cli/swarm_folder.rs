@@ -31,10 +31,11 @@ pub(super) struct Swarm {
 }
 
 impl Swarm {
-    /// Opens a folder and keeps others out of it.
+    /// Opens a folder and keeps others out of it. The newest roster is brought to the nodes' folders that a call before has not
+    /// got to: it was killed, or the disk was full.
     ///
     /// # Errors
-    /// Another process works on it; its files cannot be read or do not belong together.
+    /// Another process works on it; its files cannot be read or do not belong together; the disk refuses.
     pub(super) fn open(folder: &Path) -> Result<Swarm, CliError> {
         let text = |name: &str| {
             let path = folder.join(name);
@@ -56,14 +57,17 @@ impl Swarm {
         }
         let authority = Authority::open(&text(CA)?, &text(CA_KEY)?)
             .map_err(|error| refused(CA_KEY, error.to_string()))?;
-        let roster = Roster::verify(&text(ROSTER)?, authority.certificate())
+        let signed = text(ROSTER)?;
+        let roster = Roster::verify(&signed, authority.certificate())
             .map_err(|error| refused(ROSTER, error.to_string()))?;
-        Ok(Swarm {
+        let swarm = Swarm {
             folder: folder.to_owned(),
             authority,
             roster,
             _lock: lock,
-        })
+        };
+        swarm.hand_out(&swarm.roster, &signed)?;
+        Ok(swarm)
     }
 
     /// Makes the error of a file of the folder that is refused.
@@ -124,22 +128,22 @@ impl Swarm {
             .authority
             .sign(next)
             .map_err(|error| self.refused(CA_KEY, error))?;
-        let file = NewFile::open(ROSTER, text.clone());
-        let folders = next
-            .allowed
-            .iter()
-            .map(|entry| self.node_folder(entry.name.node));
-        for folder in [self.folder.clone()]
-            .into_iter()
-            .chain(folders)
-            .filter(|folder| folder.is_dir())
-        {
-            replace_file(&folder, &file).map_err(|source| CliError::Write {
-                path: folder.join(ROSTER),
-                source,
-            })?;
-        }
+        replace_roster(&self.folder, &text)?;
+        self.hand_out(next, &text)?;
         Ok(text)
+    }
+
+    /// Brings a signed roster to the folders of all that it allows and that hold another text.
+    fn hand_out(&self, roster: &Roster, text: &str) -> Result<(), CliError> {
+        let nodes = roster.allowed.iter().map(|entry| entry.name.node);
+        let folders = nodes.map(|node| self.node_folder(node));
+        let has_other = |folder: &PathBuf| {
+            let held = read_limited(&folder.join(ROSTER));
+            folder.is_dir() && held.ok().as_deref() != Some(text)
+        };
+        folders
+            .filter(has_other)
+            .try_for_each(|folder| replace_roster(&folder, text))
     }
 
     /// Moves the folder of a node's former certificate aside; nothing is ever deleted.
@@ -248,6 +252,13 @@ impl Swarm {
             .filter_map(endpoint)
             .collect()
     }
+}
+
+fn replace_roster(folder: &Path, text: &str) -> Result<(), CliError> {
+    replace_file(folder, &NewFile::open(ROSTER, text)).map_err(|source| CliError::Write {
+        path: folder.join(ROSTER),
+        source,
+    })
 }
 
 /// Returns whether other machines may reach a node under this host.

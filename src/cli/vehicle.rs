@@ -76,7 +76,7 @@ impl VehicleArgs {
                 line(status);
             }
         };
-        let finish = vehicle_process::run(&file, &text, &request, &mut status);
+        let finish = vehicle_process::run(&file, &request, &mut status);
         answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
     }
 }

@@ -400,18 +400,37 @@ impl Merged {
         known < heard || (known == heard && ours.hash != theirs.hash)
     }
 
-    /// Returns what to ask for to complete a layer.
-    pub fn want(&self, layer: LayerId) -> TileRequest {
-        let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
-        let known = tiles
-            .map(|(address, tile)| (address, tile.revision))
-            .take(WANT_TILES)
-            .collect();
-        TileRequest { layer, known }
+    /// Returns what to ask for to complete a layer. Of more tiles than a message names it names those from an address on, the least
+    /// following on the greatest, and speaks for what lies between them alone. With it comes where the next one is to begin;
+    /// `None` = it speaks for all.
+    pub fn want(
+        &self,
+        layer: LayerId,
+        from: Option<TileAddress>,
+    ) -> (TileRequest, Option<TileAddress>) {
+        let all = || self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
+        let revision = |(address, tile): (TileAddress, &Tile)| (address, tile.revision);
+        let is_whole = all().nth(WANT_TILES - 1).is_none();
+        let from = from.filter(|_| !is_whole);
+        let later = all().filter(|(address, _)| from.is_none_or(|from| *address >= from));
+        let earlier = all().filter(|(address, _)| from.is_some_and(|from| *address < from));
+        let named = later.chain(earlier).map(revision);
+        let known: Vec<(TileAddress, u32)> = named.take(WANT_TILES).collect();
+        // The next one begins with the last tile of this one, so that what lies between is asked for as well.
+        let next = known.last().map(|(address, _)| *address);
+        (TileRequest { layer, known }, next.filter(|_| !is_whole))
     }
 
     /// Returns the tiles newer than those known to who asks, ascending.
     pub fn newer(&self, want: &TileRequest) -> Vec<TileAddress> {
+        let ends = want.known.first().zip(want.known.last());
+        let ends = ends.filter(|_| want.known.len() >= WANT_TILES);
+        let ends = ends.map(|((first, _), (last, _))| (*first, *last));
+        let is_asked = |address: TileAddress| match ends {
+            None => true,
+            Some((first, last)) if first <= last => first <= address && address <= last,
+            Some((first, last)) => first <= address || address <= last,
+        };
         let known: BTreeMap<TileAddress, u32> = want.known.iter().copied().collect();
         let held = self
             .layers
@@ -419,9 +438,8 @@ impl Merged {
             .into_iter()
             .flat_map(Layer::tiles);
         let newer = held.filter(|(address, tile)| {
-            known
-                .get(address)
-                .is_none_or(|revision| tile.revision > *revision)
+            let known = known.get(address);
+            is_asked(*address) && known.is_none_or(|revision| tile.revision > *revision)
         });
         newer.map(|(address, _)| address).collect()
     }

@@ -49,6 +49,8 @@ pub struct Repair {
     lacks: BTreeMap<LayerId, Lack>,
     /// When layers were asked for last.
     asked: BTreeMap<LayerId, Time>,
+    /// Where the next want of a layer begins that has more tiles than a want names.
+    continued: BTreeMap<LayerId, TileAddress>,
     debts: BTreeMap<LayerId, Debt>,
     /// What has just gone by, sent or heard: when, and which revision.
     passed: BTreeMap<(LayerId, TileAddress), (Time, u32)>,
@@ -79,6 +81,7 @@ impl Repair {
             turn: FIRST_TURN + own.map_or(Duration::ZERO, |own| TURN * turns(own)),
             lacks: BTreeMap::new(),
             asked: BTreeMap::new(),
+            continued: BTreeMap::new(),
             debts: BTreeMap::new(),
             passed: BTreeMap::new(),
             tiles_at: Time::ZERO,
@@ -206,7 +209,9 @@ impl Repair {
             }
             wants += 1;
             self.asked.insert(*layer, now);
-            out.push(Message::Want(map.want(*layer)));
+            let (want, next) = map.want(*layer, self.continued.remove(layer));
+            self.continued.extend(next.map(|next| (*layer, next)));
+            out.push(Message::Want(want));
             false
         });
     }

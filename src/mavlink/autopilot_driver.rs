@@ -17,6 +17,7 @@
 )]
 
 mod attitude;
+mod battery;
 mod failsafes;
 mod fixes;
 mod health;
@@ -188,6 +189,12 @@ pub enum DriverTrouble {
     /// It does not arm.
     #[error("it says: {0}")]
     Refuses(String),
+    /// It has said how its battery is charged, and does not any more.
+    #[error("it does not say its battery's charge any more; it was {last_percent:.0} %")]
+    NoCharge {
+        /// What it said last, percent.
+        last_percent: f64,
+    },
 }
 
 /// The driver of an autopilot.
@@ -457,9 +464,9 @@ impl MavlinkDriver {
             takes_them.then(|| self.fixes.trouble(now)).flatten()
         };
         match self.heard.trouble(now, STALE, &self.settings) {
-            // Why it knows no place.
-            Some(DriverTrouble::NoPlace { why }) => {
-                of_fixes().or(Some(DriverTrouble::NoPlace { why }))
+            // Why it knows no place, or what is worse than a charge that is not known.
+            Some(trouble @ (DriverTrouble::NoPlace { .. } | DriverTrouble::NoCharge { .. })) => {
+                of_fixes().or(Some(trouble))
             }
             Some(trouble) => Some(trouble),
             None => of_fixes(),

@@ -438,7 +438,8 @@ impl Mission {
         if self.goal == Goal::Following && !self.pilot.way().is_empty() {
             self.stop(now, out);
         }
-        if let Some(state) = &self.state {
+        // The way home stays.
+        if let Some(state) = self.state.as_ref().filter(|_| !self.goal.drives_home()) {
             self.pilot.give_up(state.pose.at);
         }
         self.settings.task = self.assignment.task().ok().flatten().cloned();

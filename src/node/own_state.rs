@@ -28,8 +28,9 @@ pub struct OwnState {
     pub sees: bool,
     /// Whether the motors have current.
     pub is_armed: bool,
-    /// Charge left, 0 to 1.
-    pub battery: f64,
+    /// Charge left, 0 to 1; `None` = the autopilot has ceased to say it.
+    #[serde(with = "crate::autopilot::charge")]
+    pub battery: Option<f64>,
     /// Corners of the route that it is committed to, the first where it is; `None` at rest.
     pub leg: Option<Vec<Point>>,
     /// How far its autopilot is with the mission that it stores; `None` = it follows none.

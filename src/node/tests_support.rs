@@ -24,7 +24,7 @@ pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
         may_move: true,
         sees: true,
         is_armed: true,
-        battery: 1.0,
+        battery: Some(1.0),
         leg: None,
         stored: None,
         accepted: Default::default(),

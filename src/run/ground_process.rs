@@ -14,6 +14,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::Instant;
 
 use tomoswarm_proto::{Boot, GroundReport, Hello, Message, Sender, VehicleId, codec};
@@ -22,6 +23,7 @@ use self::archive::Archive;
 use self::store_thread::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
 use super::log_book::LogBook;
+use super::machine::Machine;
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
@@ -34,7 +36,7 @@ use super::state_dir::{StateDir, StateDirError};
 use super::swarm_mavlink::SwarmMavlink;
 use super::trust::TrustError;
 use super::vehicle_process::{
-    recorder, recording_health, short, watch_folder, watch_recorder, watch_stops,
+    RecordedNode, recorder, recording_health, short, watch_folder, watch_recorder, watch_stops,
 };
 use crate::config::{self, Config, GroundFile};
 use crate::ground::ActorSettings;
@@ -47,6 +49,7 @@ use crate::stops::StopsSettings;
 use crate::store::CheckedFileError;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, RestoredStore, Start};
+use crate::store::lost_thread;
 use crate::store::recording::Recorder;
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
@@ -174,23 +177,23 @@ pub fn run(
     });
     let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |event| told.tell(event))?;
-    let recorder = recorder(
-        file.record,
-        &state_dir,
-        "ground",
-        text,
-        &file.venue,
-        process.context().clock,
-    );
+    let about = RecordedNode {
+        node: "ground",
+        settings: text,
+        venue: &file.venue,
+    };
+    let recorder = recorder(file.record, &state_dir, &about);
+    let (machine, clock) = (Machine::watch(Path::new("/"))?, process.context().clock);
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;
     let mut tick = |_: Time, member: &BusMember, troubles: &Troubles| {
         roster.look(member, troubles);
-        watch_recorder(recorder.as_ref(), troubles);
+        watch_recorder(recorder.as_ref(), (&machine, clock), troubles);
         watch_disk(&state_dir, recorder.as_ref(), troubles);
         watch_folder(&state_dir, troubles);
         watch_stops(&edge.stops, troubles);
+        watch_store(&keeper, &node, troubles);
         watch_mavlink(mavlink, troubles);
         let of_itself = of_itself.due(Instant::now());
         of_itself
@@ -454,6 +457,14 @@ fn watch_disk(state_dir: &StateDir, recorder: Option<&Recorder>, troubles: &Trou
     match free_mb.map(|free_mb| disk_room(free_mb, recording_health(recorder))) {
         Some((false, found)) => troubles.raise("disk", found),
         Some((true, _)) | None => troubles.clear("disk"),
+    }
+}
+
+/// Tells whether anybody stores anything; the station closes no run while nobody does.
+fn watch_store(keeper: &JoinHandle<()>, node: &LiveGround, troubles: &Troubles) {
+    if let Some(trouble) = lost_thread(Some(keeper)) {
+        troubles.raise("store", trouble);
+        node.tell(Event::StoresSamples(false));
     }
 }
 

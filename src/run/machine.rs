@@ -46,7 +46,8 @@ pub struct Machine(Arc<Shared>);
 
 #[derive(Default)]
 struct Shared {
-    health: Mutex<MachineHealth>,
+    /// `None` = it was not looked at yet.
+    health: Mutex<Option<MachineHealth>>,
     is_ended: Mutex<bool>,
     ended: Condvar,
 }
@@ -67,7 +68,13 @@ impl Machine {
 
     /// Returns what was seen last.
     pub fn health(&self) -> MachineHealth {
-        *lock(&self.0.health)
+        lock(&self.0.health).unwrap_or_default()
+    }
+
+    /// Returns whether the machine's clock is to be believed: it was looked at, and nobody says that it is not synchronised.
+    pub fn has_right_time(&self) -> bool {
+        let seen = *lock(&self.0.health);
+        seen.is_some_and(|seen| seen.is_clock_synchronised != Some(false))
     }
 }
 
@@ -82,7 +89,8 @@ impl Drop for Machine {
 fn look_on(shared: &Weak<Shared>, root: PathBuf) {
     let mut watch = Watch::new(root);
     while let Some(shared) = shared.upgrade() {
-        *lock(&shared.health) = watch.look();
+        let seen = watch.look();
+        *lock(&shared.health) = Some(seen);
         let is_ended = lock(&shared.is_ended);
         let waited = shared
             .ended
@@ -279,6 +287,28 @@ mod tests {
         let files = Files::new();
         files.write(TIMESYNC, "");
         assert_eq!(files.watch().look().is_clock_synchronised, Some(true));
+    }
+
+    #[test]
+    fn a_clock_is_believed_unless_it_was_not_looked_at_or_somebody_says_that_it_is_wrong() {
+        let seen = |is_clock_synchronised| {
+            Some(MachineHealth {
+                is_clock_synchronised,
+                ..MachineHealth::default()
+            })
+        };
+        for (health, expected) in [
+            (None, false),
+            (seen(Some(false)), false),
+            (seen(Some(true)), true),
+            (seen(None), true),
+        ] {
+            let shared = Shared {
+                health: Mutex::new(health),
+                ..Shared::default()
+            };
+            assert_eq!(Machine(Arc::new(shared)).has_right_time(), expected);
+        }
     }
 
     #[test]

@@ -1,7 +1,5 @@
 //! From a node's file to how it takes part in the bus, and how it greets.
 
-use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Boot, Capability, Hello, OperatorId, Sender};
@@ -10,6 +8,7 @@ use super::bus::{BusSettings, SessionTopology, Trust};
 use super::state_dir::StateDir;
 use super::trust::{self, AccessRule, TrustError, Trusted};
 use crate::config::{BusFile, Endpoint, Topology as Named, Venue};
+use crate::store::replace;
 
 /// Version of this software, as nodes say it of themselves.
 pub const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
@@ -119,13 +118,9 @@ fn seen_issue(path: &Path) -> Result<Option<u64>, TrustError> {
     })
 }
 
-/// Writes a new file in the place of the old one, so that there is always a whole one.
+/// Keeps the issue of a roster, so that a power cut leaves it or the one before.
 fn keep_issue(path: &Path, issue: u64) -> std::io::Result<()> {
-    let fresh = path.with_extension("new");
-    let mut file = File::create(&fresh)?;
-    writeln!(file, "{issue}")?;
-    file.sync_all()?;
-    std::fs::rename(&fresh, path)
+    replace(path, &format!("{issue}\n"))
 }
 
 /// Returns how a node greets; `capabilities` are ascending. It has no name and asks for nothing but what all are told.

@@ -5,8 +5,9 @@
 //! start. When it cannot be written under way, that is a trouble, and no start is obeyed (`node/vehicle/orders.rs`).
 //!
 //! At the end the mission is sent home; it may be in the middle of a search. Until it has ended and the vehicle stands, but
-//! for three seconds at most, the vehicle is told to stop, again and again. Then all actors end, the vehicle is told to
-//! stop a last time, when nobody is left who could say anything else; the disk is flushed, and the bus is left.
+//! for three seconds at most, the vehicle is told to stop, again and again, past the link to its autopilot if that has ended.
+//! Then all actors end, the vehicle is told to stop a last time, when nobody is left who could say anything else; the disk is
+//! flushed, and the bus is left.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -184,13 +185,12 @@ impl Edge {
     }
 }
 
-/// Runs a vehicle until it is asked to stop or cannot go on; `text` is its file, for the recording. `status` is called once a second.
+/// Runs a vehicle until it is asked to stop or cannot go on. `status` is called once a second.
 ///
 /// # Errors
 /// It cannot begin.
 pub fn run(
     file: &VehicleFile,
-    text: &str,
     stop: &StopRequest,
     status: &mut dyn FnMut(&NodeStatus),
 ) -> Result<Finish, VehicleError> {
@@ -220,10 +220,11 @@ pub fn run(
         process.context(),
     ));
     let (listening, clock) = (later.clone(), process.context().clock);
+    let shown = shown_settings(file);
     let of_itself = Arc::new(SelfReport::new(
         sender,
         hello.instance,
-        &config::to_toml(&Config::Vehicle(Box::new(file.without_secrets()))),
+        &shown,
         LogBook::of_process().clone(),
     ));
     let asked = of_itself.clone();
@@ -264,14 +265,13 @@ pub fn run(
         clock,
     });
     let of_actors = edge.clone();
-    let recorder = recorder(
-        file.record,
-        &state_dir,
-        &format!("vehicle/{}", file.id),
-        text,
-        &file.venue,
-        clock,
-    );
+    let name = format!("vehicle/{}", file.id);
+    let about = RecordedNode {
+        node: &name,
+        settings: &shown,
+        venue: &file.venue,
+    };
+    let recorder = recorder(file.record, &state_dir, &about);
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(
         process.context(),
@@ -285,7 +285,7 @@ pub fn run(
         edge.watch_devices(troubles);
         edge.watch_disk(troubles);
         watch_folder(&state_dir, troubles);
-        watch_recorder(recorder.as_ref(), troubles);
+        watch_recorder(recorder.as_ref(), (&edge.machine, clock), troubles);
         later.settle(now);
         let of_itself = of_itself.due(Instant::now());
         of_itself
@@ -321,22 +321,35 @@ pub fn run(
     Ok(finish)
 }
 
+/// Returns a vehicle's file as others may read it, on the bus and in recordings.
+fn shown_settings(file: &VehicleFile) -> String {
+    config::to_toml(&Config::Vehicle(Box::new(file.without_secrets())))
+}
+
+/// What a node's recording says of it.
+pub(super) struct RecordedNode<'a> {
+    /// The node as its channels name it.
+    pub(super) node: &'a str,
+    /// The text of its file, as others may read it.
+    pub(super) settings: &'a str,
+    pub(super) venue: &'a Venue,
+}
+
 /// Begins to record, if the file wants it.
 pub(super) fn recorder(
     record: Record,
     state_dir: &StateDir,
-    node: &str,
-    text: &str,
-    venue: &Venue,
-    clock: Clock,
+    about: &RecordedNode<'_>,
 ) -> Option<Recorder> {
     let cap_bytes = record.limit_bytes()?;
     let about = RecordingSubject {
-        node: node.to_owned(),
-        settings: text.to_owned(),
-        venue: config::to_toml(&Config::Venue(venue.clone())),
-        lattice: Lattice::new(venue.cell_m),
-        utc_at_zero_ns: utc_at_zero_ns(SystemTime::now(), clock.now()),
+        node: about.node.to_owned(),
+        settings: about.settings.to_owned(),
+        venue: config::to_toml(&Config::Venue(about.venue.clone())),
+        lattice: Lattice::new(about.venue.cell_m),
+        start: Some(state_dir.boot()),
+        // Whether the machine's clock is right is not known yet.
+        utc_at_zero_ns: None,
     };
     let defaults = RecordingLimits::default();
     let segment_bytes = defaults.segment_bytes.min(cap_bytes / 8);
@@ -356,8 +369,17 @@ fn utc_at_zero_ns(utc: SystemTime, now: Time) -> Option<u64> {
     u64::try_from(begun.as_nanos()).ok()
 }
 
-/// Tells whether the recording is in order.
-pub(super) fn watch_recorder(recorder: Option<&Recorder>, troubles: &Troubles) {
+/// Tells whether the recording is in order, and the recording what time it is, as far as the machine knows it.
+pub(super) fn watch_recorder(
+    recorder: Option<&Recorder>,
+    (machine, clock): (&Machine, Clock),
+    troubles: &Troubles,
+) {
+    if let (Some(recorder), true) = (recorder, machine.has_right_time())
+        && let Some(utc_ns) = utc_at_zero_ns(SystemTime::now(), clock.now())
+    {
+        recorder.note_utc(utc_ns);
+    }
     match recorder.and_then(Recorder::trouble) {
         Some(trouble) => troubles.raise("recording", trouble),
         None => troubles.clear("recording"),
@@ -483,11 +505,7 @@ impl Edge {
         let begun = self.clock.now();
         let mut ended = None;
         loop {
-            self.node
-                .actors()
-                .autopilot
-                .place
-                .tell(link::In::AutopilotCommand(AutopilotCommand::Stop));
+            say_stop(&self.node, threads, || self.devices.stop());
             let now = self.clock.now();
             if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);
@@ -499,6 +517,17 @@ impl Edge {
             std::thread::sleep(STOP_EVERY);
         }
     }
+}
+
+/// Tells the vehicle to stop: by the link to its autopilot, or `past_link` when that has ended, since its driver goes on with
+/// what it was told last.
+fn say_stop(node: &LiveVehicle, threads: &Threads, past_link: impl FnOnce()) {
+    let autopilot = &node.actors().autopilot;
+    if threads.has_ended(autopilot.wire.name) {
+        return past_link();
+    }
+    let stop = link::In::AutopilotCommand(AutopilotCommand::Stop);
+    autopilot.place.tell(stop);
 }
 
 /// Words of a message at most, and bytes of each.
@@ -513,6 +542,12 @@ pub(super) fn short(words: Vec<String>) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+    use std::sync::mpsc::channel;
+
+    use tomoswarm_proto::Boot;
+
+    use super::super::mailbox::RuntimeContext;
     use super::*;
 
     fn at(time_s: f64) -> Time {
@@ -525,6 +560,61 @@ mod tests {
         let at = utc_at_zero_ns(utc, Time::from_secs_f64(7.5));
         assert_eq!(at, Some(992_500_000_000));
         assert_eq!(utc_at_zero_ns(utc, Time::from_secs_f64(1_001.0)), None);
+    }
+
+    fn simulated() -> VehicleFile {
+        let text = "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\n\
+                    vehicle.max_speed_mps = 0.2\nautopilot.driver = \"sim\"\nradio.driver = \"sim\"\n\
+                    servo.driver = \"none\"\nrange.driver = \"none\"\nworld.connect = \"127.0.0.1:9\"\n\
+                    world.token = \"secret-token\"\n";
+        let mut load = |path: &str| config::bundled::load(path);
+        config::read_vehicle("configs/v.toml", text, &mut load).unwrap()
+    }
+
+    #[test]
+    fn a_recording_does_not_hold_what_lets_a_driver_into_the_simulated_world() {
+        let (folder, file) = (tempfile::tempdir().unwrap(), simulated());
+        let state_dir = StateDir::open(folder.path()).unwrap();
+        let settings = shown_settings(&file);
+        let about = RecordedNode {
+            node: "vehicle/1",
+            settings: &settings,
+            venue: &file.venue,
+        };
+        drop(recorder(file.record, &state_dir, &about).unwrap());
+        let recorded = std::fs::read(folder.path().join("flight/flight-000001.mcap")).unwrap();
+        let holds = |text: &str| {
+            let mut parts = recorded.windows(text.len());
+            parts.any(|part| part == text.as_bytes())
+        };
+        assert!(holds("max_speed_mps") && !holds("secret-token"));
+    }
+
+    #[test]
+    fn a_vehicle_whose_link_to_the_autopilot_has_ended_is_stopped_past_it() {
+        let file = simulated();
+        let (endings, _ended) = channel();
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
+        let node = LiveVehicle::default();
+        let settings = VehicleSettings::from_vehicle_file(&file, Boot(1));
+        let threads = node.start(&context, settings, None, |_| {}).unwrap();
+        let past_link = Cell::new(0);
+        let stop = || say_stop(&node, &threads, || past_link.set(past_link.get() + 1));
+        stop();
+        assert_eq!(past_link.get(), 0, "the link sees to it that it stands");
+        let autopilot = &node.actors().autopilot;
+        autopilot.place.close();
+        while !threads.has_ended(autopilot.wire.name) {
+            std::thread::yield_now();
+        }
+        stop();
+        assert_eq!(past_link.get(), 1);
+        node.close();
+        threads.join();
     }
 
     #[test]

@@ -311,7 +311,7 @@ impl World {
                     .then_some((readout.attitude.roll, readout.attitude.pitch)),
             },
             speed_mps: readout.speed_mps,
-            battery: readout.battery,
+            battery: Some(readout.battery),
             motion,
             is_landed: readout.is_landed,
             mode: readout.mode,

@@ -1,8 +1,9 @@
 //! The flight recording: per actor every step, in segments that open with snapshots, as MCAP files; and the replay.
 //!
 //! ```text
-//!   flight-000001.mcap   metadata tomoswarm {format, software, node, segment, log_time, utc_at_zero_ns}
-//!                        metadata settings {toml, venue}   metadata gap {reason, at_ns}, when steps are missing
+//!   flight-000001.mcap   metadata tomoswarm {format, software, node, start, segment, log_time,
+//!                        utc_at_zero_ns}   metadata settings {toml, venue}   metadata utc {at_zero_ns}, when the clock was set
+//!                        metadata gap {reason, at_ns}, when steps are missing
 //!     /vehicle/3/mission/snapshot   tomoswarm.Snapshot  {now_ns, packed}
 //!     /vehicle/3/mission/step       tomoswarm.Step      {now_ns, input | woken, outputs, fault?}
 //!     /vehicle/3/pose, map, log     foxglove.PoseInFrame, foxglove.Grid, foxglove.Log: for people
@@ -48,6 +49,6 @@ pub(crate) use {
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes
 /// do not say whose they are.
-const FORMAT: &str = "22";
+const FORMAT: &str = "23";
 /// The version of the software; snapshots are only read by the same.
 const VERSION: &str = env!("CARGO_PKG_VERSION");

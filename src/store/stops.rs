@@ -25,7 +25,7 @@ use tomoswarm_proto::{
 };
 
 use super::checked_file::{CheckedFile, CheckedFileError};
-use super::replace;
+use super::{lost_thread, replace};
 
 /// What the file is.
 const FILE: CheckedFile = CheckedFile {
@@ -159,7 +159,7 @@ impl StopsDriver {
 
     /// Returns why they are not on disk just now.
     pub fn trouble(&self) -> Option<String> {
-        lock(&self.trouble).clone()
+        lost_thread(self.thread.as_ref()).or_else(|| lock(&self.trouble).clone())
     }
 }
 

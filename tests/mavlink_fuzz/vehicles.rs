@@ -384,7 +384,7 @@ fn check_driver(driver: &MavlinkDriver, now: Time, out: &[DriverOut]) {
                 report.flight_state.altitude_m,
                 report.flight_state.climb_mps,
                 report.speed_mps,
-                report.battery,
+                report.battery.unwrap_or_default(),
                 pose.heading.radians(),
             ];
             assert!(
@@ -392,7 +392,9 @@ fn check_driver(driver: &MavlinkDriver, now: Time, out: &[DriverOut]) {
                 "{report:?}"
             );
             assert!(
-                (0.0..=1.0).contains(&report.battery)
+                report
+                    .battery
+                    .is_none_or(|charge| (0.0..=1.0).contains(&charge))
                     && pose.sd_m >= 0.0
                     && report.speed_mps >= 0.0,
                 "{report:?}"

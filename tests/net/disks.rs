@@ -73,6 +73,7 @@ fn a_recording_leaves_the_reserve_free_and_goes_on_when_there_is_room() {
             settings: String::new(),
             venue: String::new(),
             lattice: Lattice::new(0.2),
+            start: None,
             utc_at_zero_ns: None,
         };
         let limits = RecordingLimits {

@@ -25,6 +25,7 @@ mod disks;
 mod drivers;
 mod forgers;
 mod grounds;
+mod live_missions;
 mod mavlink;
 mod member;
 mod missions;

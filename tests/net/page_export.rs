@@ -145,8 +145,9 @@ fn saved_by_a_browser(browser: &mut Browser, names: &[String]) {
     browser.eval(press);
     browser.until("globalThis.saved.length === 1", 20);
     let text = browser.eval("globalThis.saved[0].text()");
+    let header = text.as_str().unwrap().lines().nth(1);
     assert!(
-        text.as_str().unwrap().starts_with("tx_x_m,tx_y_m,rx_x_m,"),
+        header.is_some_and(|header| header.starts_with("tx_x_m,tx_y_m,rx_x_m,")),
         "{text}"
     );
     assert_eq!(browser.complaints, Vec::<String>::new());

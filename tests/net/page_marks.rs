@@ -82,6 +82,8 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
         "Math.abs(document.getElementById('mark-x').value - 3) < 0.1 && Math.abs(document.getElementById('mark-y').value - 3.5) < 0.1",
         5,
     );
+    // A moment between both is looked back at later.
+    browser.eval("new Promise((later) => setTimeout(later, 1000))");
     // A pixel of the scene is some centimetres.
     browser.eval("(() => { for (const [id, value] of [['mark-x', 3], ['mark-y', 3.5]]) document.getElementById(id).value = value; })()");
     hold(&mut browser, "#mark-give", 0);
@@ -171,7 +173,7 @@ fn before_the_last(browser: &mut Browser) {
     let of_mark = "tomoswarm.model.markers.filter((mark) => mark.kind === 'mark' && mark.text.startsWith('run 1: marked'))";
     browser.until(&format!("{of_mark}.length >= 3"), 20);
     browser.eval(&format!(
-        "tomoswarm.time.goTo({of_mark}[1].at_s - 0.2, 0); 0"
+        "(() => {{ const marks = {of_mark}; tomoswarm.time.goTo((marks[0].at_s + marks[1].at_s) / 2, 0); }})()"
     ));
     browser.until("document.title.startsWith('REPLAY')", 10);
     until_known(browser, &[[-0.5, 2.25]]);

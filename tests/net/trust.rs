@@ -426,6 +426,34 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
 }
 
 #[test]
+fn a_roster_that_has_not_got_to_every_folder_is_brought_there_by_the_next_call() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let first = "swarm --venue VENUE --ground ground.local --vehicle 1=rover1.local";
+    good(root, first);
+    let own = root.join("swarm/vehicle-1/roster.txt");
+    let old = fs::read_to_string(&own).unwrap();
+    let call = format!("{first} --vehicle 2=rover2.local");
+    good(root, &call);
+    let newest = fs::read_to_string(root.join("swarm/roster.txt")).unwrap();
+    assert_ne!(newest, old);
+    // As a call leaves it that is killed when it has written the authority's own.
+    fs::write(&own, &old).unwrap();
+    assert!(good(root, &call).contains("all are enrolled already, roster issue 3"));
+    assert_eq!(fs::read_to_string(&own).unwrap(), newest);
+    // Revoking is put right by the same call again, too, although nobody is left to be revoked.
+    good(root, "swarm --revoke vehicle-2");
+    let newest = fs::read_to_string(root.join("swarm/roster.txt")).unwrap();
+    fs::write(&own, &old).unwrap();
+    let (code, printed) = enroll(root, "swarm --revoke vehicle-2");
+    assert!(
+        code == 2 && printed.contains("is not enrolled"),
+        "{printed}"
+    );
+    assert_eq!(fs::read_to_string(&own).unwrap(), newest);
+}
+
+#[test]
 fn without_hosts_a_node_stays_on_its_machine_and_in_a_star_only_the_ground_listens() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

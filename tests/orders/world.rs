@@ -420,7 +420,7 @@ impl World {
                 pose,
                 flight_state: Default::default(),
                 speed_mps: 0.0,
-                battery: 1.0,
+                battery: Some(1.0),
                 motion,
                 is_armed,
                 stored: None,

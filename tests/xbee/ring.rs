@@ -56,7 +56,7 @@ fn state(index: usize) -> OwnState {
         may_move: true,
         sees: true,
         is_armed: true,
-        battery: 1.0,
+        battery: Some(1.0),
         leg: None,
         stored: None,
         accepted: Default::default(),

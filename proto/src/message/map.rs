@@ -63,6 +63,7 @@ pub struct Digest {
 pub struct TileRequest {
     /// Which layer.
     pub layer: LayerId,
-    /// Revisions already held, ascending by address.
+    /// Revisions already held, ascending by address. 4,096 of them are not all: they are those from one address on, the least
+    /// following on the greatest, and the request is for what lies from the first to the last of them alone.
     pub known: Vec<(TileAddress, u32)>,
 }

@@ -225,7 +225,7 @@ impl Model {
             },
             flight_state: FlightState::default(),
             speed_mps: if moves { 0.5 } else { 0.0 },
-            battery: 1.0,
+            battery: Some(1.0),
             motion: if moves {
                 Motion::Driving
             } else {

@@ -116,7 +116,7 @@ fn repair(nodes: &mut [Merged]) -> usize {
                 if !nodes[hearer].lacks(theirs) {
                     continue;
                 }
-                let want = nodes[hearer].want(theirs.layer);
+                let (want, _) = nodes[hearer].want(theirs.layer, None);
                 for address in nodes[speaker].newer(&want).into_iter().take(2) {
                     let report = nodes[speaker].report(theirs.layer, address).unwrap();
                     nodes[hearer].join(&report).unwrap();
@@ -340,4 +340,40 @@ fn a_view_reads_as_the_map_does() {
         Some(CellRect::new(Cell::new(-32, -32), Cell::new(63, 31)))
     );
     assert_eq!(map.extent(3), None);
+}
+
+#[test]
+fn of_a_layer_of_many_tiles_just_what_is_lacking_is_sent_wherever_it_lies() {
+    let layer = layer(1, 1);
+    let cells = Arc::new([9; TILE_CELLS]);
+    let tile = |index: i32| TileReport {
+        layer,
+        address: TileAddress {
+            slice: 0,
+            x: index % 100,
+            y: index / 100,
+        },
+        revision: 1,
+        cells: Arc::clone(&cells),
+    };
+    let (count, lost) = (9000, [0, 1, 4000, 4095, 4096, 4500, 8191, 8998, 8999]);
+    let (mut whole, mut torn) = (listener(), listener());
+    for index in 0..count {
+        whole.join(&tile(index)).unwrap();
+        if !lost.contains(&index) {
+            torn.join(&tile(index)).unwrap();
+        }
+    }
+    let (mut from, mut sent) = (None, 0);
+    for _ in 0..4 {
+        let (want, next) = torn.want(layer, from);
+        for address in whole.newer(&want) {
+            torn.join(&whole.report(layer, address).unwrap()).unwrap();
+            sent += 1;
+        }
+        from = next;
+    }
+    assert_eq!(sent, lost.len(), "nothing is sent twice");
+    let digest = whole.layer(layer).unwrap().digest(layer);
+    assert!(!torn.lacks(&digest));
 }

@@ -1,4 +1,7 @@
-//! What an autopilot says of its attitude (ATTITUDE), the newest of it.
+//! What an autopilot says of its attitude (ATTITUDE), the newest of it. What is old is not known any more: who drives on by it
+//! does not drive where it believes to.
+
+use std::time::Duration;
 
 use super::MavlinkDriverSettings;
 use crate::geom::{Angle, Bearing};
@@ -7,6 +10,9 @@ use crate::time::Time;
 
 /// Slower than this is steady, rad/s.
 const STEADY_BELOW_RADPS: f64 = 0.06;
+
+/// An attitude is believed for this long: it is asked for ten times a second, and comes once a second before it is.
+const LASTS: Duration = Duration::from_millis(1500);
 
 /// The newest attitude.
 #[derive(Clone, Debug, Default)]
@@ -23,18 +29,23 @@ impl HeardAttitude {
         self.0.as_ref().map(|(at, _)| *at)
     }
 
-    /// Returns where it points, by its own compass.
-    pub(super) fn heading(&self, settings: &MavlinkDriverSettings) -> Option<Angle> {
-        let (_, said) = self.0.as_ref()?;
+    fn fresh(&self, now: Time) -> Option<&ATTITUDE_DATA> {
+        let (at, said) = self.0.as_ref()?;
+        (now.since(*at) <= LASTS).then_some(said)
+    }
+
+    /// Returns where it points, by its own compass; `None` when it has not said so lately.
+    pub(super) fn heading(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<Angle> {
+        let said = self.fresh(now)?;
         let yaw_rad = f64::from(said.yaw);
         yaw_rad
             .is_finite()
             .then(|| settings.frame.heading_of(Bearing::from_radians(yaw_rad)))
     }
 
-    /// Returns its roll and its pitch.
-    pub(super) fn tilt(&self) -> Option<(Angle, Angle)> {
-        let (_, said) = self.0.as_ref()?;
+    /// Returns its roll and its pitch; `None` when it has not said so lately.
+    pub(super) fn tilt(&self, now: Time) -> Option<(Angle, Angle)> {
+        let said = self.fresh(now)?;
         let (roll_rad, pitch_rad) = (f64::from(said.roll), f64::from(said.pitch));
         let are_numbers = roll_rad.is_finite() && pitch_rad.is_finite();
         are_numbers.then(|| {
@@ -45,9 +56,9 @@ impl HeardAttitude {
         })
     }
 
-    /// Returns whether it turns on the spot, or while it moves.
-    pub(super) fn turns(&self) -> bool {
-        let said = self.0.as_ref();
-        said.is_some_and(|(_, said)| f64::from(said.yawspeed).abs() > STEADY_BELOW_RADPS)
+    /// Returns whether it turns on the spot, or while it moves, as far as it has said so lately.
+    pub(super) fn turns(&self, now: Time) -> bool {
+        let said = self.fresh(now);
+        said.is_some_and(|said| f64::from(said.yawspeed).abs() > STEADY_BELOW_RADPS)
     }
 }

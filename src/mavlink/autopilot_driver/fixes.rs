@@ -52,7 +52,7 @@ impl Fixes {
         let measured = fix
             .heading
             .map(|heading| Angle::from_radians(heading.radians()));
-        let Some(heading) = measured.or_else(|| heard.attitude.heading(settings)) else {
+        let Some(heading) = measured.or_else(|| heard.attitude.heading(now, settings)) else {
             return;
         };
         self.passed_on = Some(now);

@@ -18,7 +18,7 @@ pub(super) fn health(
     parameters: &BTreeMap<&'static str, f32>,
     settings: &MavlinkDriverSettings,
 ) -> Option<AutopilotHealth> {
-    let power = heard.power();
+    let power = heard.battery.measured(now);
     Some(AutopilotHealth {
         family: match heard.firmware()? {
             MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA => AutopilotFamily::ArduPilot,

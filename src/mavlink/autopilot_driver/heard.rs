@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use super::attitude::HeardAttitude;
+use super::battery::HeardBattery;
 use super::{DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{
     AutopilotReport, FlightMode, FlightState, Item, Motion, RemoteSwitch, StoredReport,
@@ -55,8 +56,7 @@ pub(super) struct Heard {
     estimator: Dated<EstimatorStatusFlags>,
     /// How sure that is of its place, metres; ArduPilot's does not say it.
     estimated_sd_m: Dated<f32>,
-    battery: Option<f64>,
-    power: Option<d::SYS_STATUS_DATA>,
+    pub(super) battery: HeardBattery,
     /// Of its software, as AUTOPILOT_VERSION has it.
     version: Option<u32>,
     landed: Option<MavLandedState>,
@@ -152,12 +152,7 @@ impl Heard {
                 self.estimated_sd_m = Some((now, status.pos_horiz_accuracy));
             }
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = Some(state.landed_state),
-            MavMessage::SYS_STATUS(status) => {
-                if status.battery_remaining >= 0 {
-                    self.battery = Some((f64::from(status.battery_remaining) / 100.0).min(1.0));
-                }
-                self.power = Some(status.clone());
-            }
+            MavMessage::SYS_STATUS(status) => self.battery.take(now, status),
             MavMessage::MISSION_CURRENT(current) => self.mission.take(current),
             MavMessage::MISSION_ITEM_REACHED(reached) => self.mission.reached = Some(reached.seq),
             MavMessage::RC_CHANNELS(channels) => self.channels = Some((now, channels.clone())),
@@ -188,6 +183,7 @@ impl Heard {
             self.went_back.push(now);
             if self.trouble_of_two(now, settings).is_none() {
                 (self.origin, self.estimator, self.gps) = (None, None, None);
+                self.attitude = HeardAttitude::default();
                 return true;
             }
         }
@@ -238,11 +234,6 @@ impl Heard {
         self.version
     }
 
-    /// Returns what it measures of its battery.
-    pub(super) fn power(&self) -> Option<&d::SYS_STATUS_DATA> {
-        self.power.as_ref()
-    }
-
     /// Returns what its receiver of satellites has said lately.
     pub(super) fn fix(&self, now: Time) -> Option<&d::GPS_RAW_INT_DATA> {
         self.fresh(now, &self.gps).map(|(_, gps)| gps)
@@ -287,10 +278,9 @@ impl Heard {
             return None;
         }
         let (at, sd_m, climb_mps, speed_mps) = self.place(now, settings)?;
-        let heading = self.attitude.heading(settings);
         let motion = if speed_mps > RESTS_BELOW_MPS {
             Motion::Driving
-        } else if self.attitude.turns() || climb_mps.abs() > STEADY_BELOW_MPS {
+        } else if self.attitude.turns(now) || climb_mps.abs() > STEADY_BELOW_MPS {
             Motion::Turning
         } else {
             Motion::Resting
@@ -305,21 +295,17 @@ impl Heard {
         Some(AutopilotReport {
             pose: Pose {
                 at,
-                heading: heading.unwrap_or_default(),
-                sd_m: if heading.is_some() {
-                    sd_m
-                } else {
-                    UNKNOWN_SD_M
-                },
+                // Without one the place counts as unknown, too.
+                heading: self.attitude.heading(now, settings).unwrap_or_default(),
+                sd_m,
             },
             flight_state: FlightState {
                 altitude_m: self.altitude_m().clamp(-HIGHEST_M, HIGHEST_M),
                 climb_mps: climb_mps.clamp(-FASTEST_MPS, FASTEST_MPS),
-                tilt: self.attitude.tilt(),
+                tilt: self.attitude.tilt(now),
             },
             speed_mps,
-            // One without a monitor says nothing: it is not taken for empty.
-            battery: self.battery.unwrap_or(1.0),
+            battery: self.battery.charge(now),
             motion,
             is_landed,
             mode: match mode_of(settings.kind, heartbeat.custom_mode) {
@@ -429,7 +415,7 @@ impl Heard {
                 return Some("its estimator has no position".to_owned());
             }
         }
-        match settings.place {
+        let why = match settings.place {
             PlaceSource::Global => {
                 let (_, place) = self.global.as_ref()?;
                 if (place.lat, place.lon) == (0, 0) {
@@ -455,7 +441,9 @@ impl Heard {
                     .is_none()
                     .then(|| "the origin of its local frame is not known".to_owned())
             }
-        }
+        };
+        let points_nowhere = self.attitude.heading(now, settings).is_none();
+        why.or_else(|| points_nowhere.then(|| "it does not say where it points".to_owned()))
     }
 
     /// Returns in which way it is not what it is to be.
@@ -521,6 +509,12 @@ impl Heard {
                 let text = self.explanation(now, Duration::from_secs(30))?;
                 Some(DriverTrouble::Refuses(text.to_owned()))
             })
+            .or_else(|| {
+                let charge = self.battery.ceased_at(now)?;
+                Some(DriverTrouble::NoCharge {
+                    last_percent: charge * 100.0,
+                })
+            })
     }
 }
 
@@ -577,7 +571,105 @@ fn width_us(channels: &d::RC_CHANNELS_DATA, channel: u8) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests_support::settings;
     use super::*;
+
+    /// What it reports of a place that it says now, and whether it has started anew.
+    fn report_of_place(
+        heard: &mut Heard,
+        time_s: f64,
+        time_boot_ms: u32,
+    ) -> (AutopilotReport, bool) {
+        let (now, settings) = (Time::from_secs_f64(time_s), settings());
+        let fix = MavMessage::GPS_RAW_INT(d::GPS_RAW_INT_DATA {
+            fix_type: GpsFixType::GPS_FIX_TYPE_3D_FIX,
+            h_acc: 300,
+            ..d::GPS_RAW_INT_DATA::default()
+        });
+        let place = MavMessage::GLOBAL_POSITION_INT(d::GLOBAL_POSITION_INT_DATA {
+            time_boot_ms,
+            lat: 520_000_000,
+            lon: 40_000_000,
+            ..d::GLOBAL_POSITION_INT_DATA::default()
+        });
+        heard.take(now, &fix, &settings);
+        let has_rebooted = heard.take(now, &place, &settings);
+        heard.take(now, &fix, &settings);
+        (heard.report(now, &settings).unwrap(), has_rebooted)
+    }
+
+    /// Says that it is a rover, that it points somewhere and turns.
+    fn take_attitude(heard: &mut Heard, time_s: f64) {
+        let (now, settings) = (Time::from_secs_f64(time_s), settings());
+        let heartbeat = MavMessage::HEARTBEAT(d::HEARTBEAT_DATA {
+            mavtype: MavType::MAV_TYPE_GROUND_ROVER,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            ..d::HEARTBEAT_DATA::default()
+        });
+        let attitude = MavMessage::ATTITUDE(d::ATTITUDE_DATA {
+            yaw: 1.0,
+            yawspeed: 0.5,
+            ..d::ATTITUDE_DATA::default()
+        });
+        heard.take(now, &heartbeat, &settings);
+        heard.take(now, &attitude, &settings);
+    }
+
+    #[test]
+    fn an_attitude_is_believed_for_as_long_as_a_slow_stream_needs_and_no_longer() {
+        let mut heard = Heard::default();
+        take_attitude(&mut heard, 1.0);
+        let known = |heard: &mut Heard, time_s: f64| {
+            let (report, _) = report_of_place(heard, time_s, (time_s * 1e3) as u32);
+            let trouble = heard.trouble(Time::from_secs_f64(time_s), FIX_LASTS, &settings());
+            assert_eq!(report.pose.sd_m < 1.0, trouble.is_none(), "{trouble:?}");
+            let turns = report.motion == Motion::Turning;
+            assert_eq!(report.flight_state.tilt.is_some(), turns, "{report:?}");
+            (report.pose.sd_m, turns)
+        };
+        assert_eq!(known(&mut heard, 2.5), (0.3, true));
+        assert_eq!(known(&mut heard, 2.6), (UNKNOWN_SD_M, false));
+        let trouble = heard.trouble(Time::from_secs_f64(2.6), FIX_LASTS, &settings());
+        let said = trouble.unwrap().to_string();
+        assert!(said.ends_with("it does not say where it points"), "{said}");
+        take_attitude(&mut heard, 2.7);
+        assert_eq!(known(&mut heard, 2.8), (0.3, true));
+    }
+
+    #[test]
+    fn one_that_has_started_anew_does_not_point_where_it_did_before() {
+        let mut heard = Heard::default();
+        take_attitude(&mut heard, 1.0);
+        let (report, has_rebooted) = report_of_place(&mut heard, 1.1, 90_000);
+        assert_eq!((report.pose.sd_m, has_rebooted), (0.3, false));
+        let (report, has_rebooted) = report_of_place(&mut heard, 1.2, 100);
+        assert_eq!((report.pose.sd_m, has_rebooted), (UNKNOWN_SD_M, true));
+    }
+
+    #[test]
+    fn a_charge_that_is_not_said_any_more_is_not_known_and_a_trouble() {
+        let mut heard = Heard::default();
+        take_attitude(&mut heard, 1.0);
+        let charge = |heard: &mut Heard, time_s: f64, percent: i8| {
+            take_attitude(heard, time_s);
+            let status = MavMessage::SYS_STATUS(d::SYS_STATUS_DATA {
+                battery_remaining: percent,
+                ..d::SYS_STATUS_DATA::default()
+            });
+            let now = Time::from_secs_f64(time_s);
+            heard.take(now, &status, &settings());
+            let (report, _) = report_of_place(heard, time_s, (time_s * 1e3) as u32);
+            let trouble = heard.trouble(now, FIX_LASTS, &settings());
+            let said = trouble.map_or(String::new(), |trouble| trouble.to_string());
+            (report.battery, said)
+        };
+        let well = String::new();
+        assert_eq!(charge(&mut heard, 2.0, -1), (Some(1.0), well.clone()));
+        assert_eq!(charge(&mut heard, 3.0, 34), (Some(0.34), well.clone()));
+        assert_eq!(charge(&mut heard, 12.0, -1), (Some(0.34), well));
+        let ceased = "it does not say its battery's charge any more; it was 34 %";
+        assert_eq!(charge(&mut heard, 13.5, -1), (None, ceased.to_owned()));
+    }
 
     #[test]
     fn a_mission_is_over_when_it_says_so_or_has_left_auto_after_its_last_item() {

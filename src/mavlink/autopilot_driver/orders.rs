@@ -1,5 +1,5 @@
 //! Commands of the link as messages, and the answers to them. A command is said once each time that it is told; only the target of
-//! a drive under way is said again, as autopilots want it, for as long as its mode is GUIDED.
+//! a drive under way is said again, as autopilots want it, for as long as its mode is GUIDED, and its speed until it is taken.
 //!
 //! ```text
 //!   [nothing] ──Route──► [a drive: corner after corner] ──last corner reached; another command; no GUIDED──► [nothing]
@@ -30,6 +30,8 @@ const TARGET_AGAIN: Duration = Duration::from_millis(500);
 const PASSED_M: f64 = 0.25;
 /// The last corner is reached when it is this near and the vehicle stands, metres.
 const REACHED_M: f64 = 0.1;
+/// A speed that is not taken for so many targets is warned of.
+const SPEED_TRIES: u8 = 10;
 /// The magic number of whoever insists.
 const FORCE: f32 = 21_196.0;
 
@@ -54,7 +56,17 @@ struct Waiting {
 struct Drive {
     corners: VecDeque<Point>,
     altitude_m: Option<f64>,
+    /// Until the autopilot has taken it.
+    speed: Option<WantedSpeed>,
     due: Time,
+}
+
+/// A speed that the autopilot has not taken yet. ArduRover takes none before it drives to a place, forgets it when it changes to
+/// GUIDED, and takes a few in a second only (`ModeGuided::set_desired_speed`, `AR_WPNav::set_speed_max`).
+#[derive(Clone, Copy, Debug)]
+struct WantedSpeed {
+    mps: f64,
+    times: u8,
 }
 
 impl Orders {
@@ -265,19 +277,35 @@ impl Orders {
         if corners.is_empty() || !are_sound {
             return answer(number, CommandAck::Denied, None, out);
         }
-        if let Some(speed_mps) = speed_mps {
-            let (command, parameters) = speed(speed_mps);
-            // Nobody waits for that answer: the drive itself is what is asked for.
-            self.say_long(0, command, parameters, target, out);
-        }
         let drive = Drive {
             corners: corners.iter().copied().collect(),
             altitude_m,
+            speed: speed_mps.map(|mps| WantedSpeed { mps, times: 0 }),
             due: now + TARGET_AGAIN,
         };
         drive.say(target, settings, out);
         self.drive = Some(drive);
+        self.say_speed(target, out);
         answer(number, CommandAck::Accepted, None, out);
+    }
+
+    /// Says how fast the drive is to be, if the autopilot has not taken that yet: behind a target, since it takes none before.
+    fn say_speed(&mut self, target: MavAddress, out: &mut Vec<DriverOut>) {
+        let Some(wanted) = self.drive.as_mut().and_then(|drive| drive.speed.as_mut()) else {
+            return;
+        };
+        wanted.times = wanted.times.saturating_add(1);
+        let WantedSpeed { mps, times } = *wanted;
+        if times == SPEED_TRIES {
+            text(
+                out,
+                format!("it does not take the speed of {mps} m/s"),
+                true,
+            );
+        }
+        let (command, parameters) = speed(mps);
+        // No command waits for that answer: the drive itself is what is asked for.
+        self.say_long(0, command, parameters, target, out);
     }
 
     /// Goes on to the next corner when one is passed.
@@ -372,6 +400,10 @@ impl Orders {
         let Some(waiting) = self.waiting.remove(&(ack.command as u32)) else {
             return;
         };
+        let is_of_speed = waiting.number == 0 && ack.command == MavCmd::MAV_CMD_DO_CHANGE_SPEED;
+        if is_of_speed && result == CommandAck::Accepted {
+            self.drive.iter_mut().for_each(|drive| drive.speed = None);
+        }
         let is_refused = waiting.is_arming && result != CommandAck::Accepted;
         let refusal = is_refused.then(|| explained.map(refusal_of)).flatten();
         answer(waiting.number, result, refusal, out);
@@ -397,6 +429,7 @@ impl Orders {
         {
             drive.due = now + TARGET_AGAIN;
             drive.say(target, settings, out);
+            self.say_speed(target, out);
         }
         let upload = self.upload.as_mut();
         let ended = upload.and_then(|upload| upload.due(now, &settings.frame, out));
@@ -472,15 +505,20 @@ fn only(wanted: Ignored) -> Ignored {
     all - wanted
 }
 
+/// Returns the target of a velocity. A rover turns to where one points, and one of nothing points north: told as well that it is
+/// not to turn, it brakes as it goes (`GCS_MAVLink_Rover::handle_set_position_target_local_ned`).
 fn velocity_target(
     velocity: Vector,
     target: MavAddress,
     settings: &MavlinkDriverSettings,
 ) -> MavMessage {
     let (north_mps, east_mps) = settings.frame.north_east(Point::default() + velocity);
-    let wanted = Ignored::POSITION_TARGET_TYPEMASK_VX_IGNORE
+    let mut wanted = Ignored::POSITION_TARGET_TYPEMASK_VX_IGNORE
         | Ignored::POSITION_TARGET_TYPEMASK_VY_IGNORE
         | Ignored::POSITION_TARGET_TYPEMASK_VZ_IGNORE;
+    if settings.kind == VehicleKind::Rover && velocity == Vector::default() {
+        wanted |= Ignored::POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE;
+    }
     MavMessage::SET_POSITION_TARGET_LOCAL_NED(d::SET_POSITION_TARGET_LOCAL_NED_DATA {
         vx: north_mps as f32,
         vy: east_mps as f32,
@@ -518,5 +556,113 @@ fn refusal_of(text: &str) -> ArmRefusal {
         ArmRefusal::NoPlace
     } else {
         ArmRefusal::NotReady
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests_support;
+    use super::*;
+
+    const TARGET: MavAddress = MavAddress {
+        system: 1,
+        component: 1,
+    };
+
+    fn at(time_s: f64) -> Time {
+        Time::from_secs_f64(time_s)
+    }
+
+    /// What is said to a rover or a copter that is told a command.
+    fn said(orders: &mut Orders, kind: VehicleKind, command: Command) -> Vec<DriverOut> {
+        let told = NumberedCommand { number: 7, command };
+        let settings = MavlinkDriverSettings {
+            kind,
+            ..tests_support::settings()
+        };
+        let mut out = Vec::new();
+        let heard = Heard::default();
+        orders.take(at(1.0), &told, TARGET, &settings, &heard, &mut out);
+        out
+    }
+
+    /// The speeds that are said, and whether a target was said before each of them.
+    fn speeds(out: &[DriverOut]) -> Vec<(f32, bool)> {
+        let mut is_aimed = false;
+        let mut speeds = Vec::new();
+        for said in out {
+            let DriverOut::Say(message) = said else {
+                continue;
+            };
+            match message.as_ref() {
+                MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_) => is_aimed = true,
+                MavMessage::COMMAND_LONG(long)
+                    if long.command == MavCmd::MAV_CMD_DO_CHANGE_SPEED =>
+                {
+                    speeds.push((long.param2, is_aimed));
+                }
+                _ => {}
+            }
+        }
+        speeds
+    }
+
+    #[test]
+    fn a_rover_that_is_stopped_is_told_not_to_turn() {
+        let masks = [VehicleKind::Rover, VehicleKind::Copter].map(|kind| {
+            let out = said(&mut Orders::default(), kind, Command::Stop);
+            let DriverOut::Say(message) = &out[0] else {
+                panic!("{out:?}");
+            };
+            match message.as_ref() {
+                MavMessage::SET_POSITION_TARGET_LOCAL_NED(target) => {
+                    assert_eq!((target.vx, target.vy, target.yaw_rate), (0.0, 0.0, 0.0));
+                    target.type_mask.bits()
+                }
+                other => panic!("{other:?}"),
+            }
+        });
+        // Velocity alone; for a rover the rate of its yaw as well.
+        assert_eq!(masks, [0b0101_1100_0111, 0b1101_1100_0111]);
+    }
+
+    #[test]
+    fn a_speed_is_said_behind_each_target_until_it_is_taken() {
+        let settings = tests_support::settings();
+        let mut orders = Orders::default();
+        let route = Command::Route {
+            corners: vec![Point::new(5.0, 0.0)],
+            altitude_m: None,
+            speed_mps: Some(0.5),
+        };
+        let out = said(&mut orders, VehicleKind::Rover, route);
+        assert_eq!(speeds(&out), [(0.5, true)]);
+        let answered = |orders: &mut Orders, result| {
+            let ack = COMMAND_ACK_DATA {
+                command: MavCmd::MAV_CMD_DO_CHANGE_SPEED,
+                result,
+                ..COMMAND_ACK_DATA::default()
+            };
+            let mut out = Vec::new();
+            orders.answer(&ack, None, &mut out);
+            assert_eq!(out, [], "nobody waits for that answer");
+        };
+        let mut warnings = 0;
+        for turn in 1..=12 {
+            // What it says may be lost, too.
+            if turn % 2 == 0 {
+                answered(&mut orders, MavResult::MAV_RESULT_FAILED);
+            }
+            let mut out = Vec::new();
+            orders.due(at(1.0 + 0.5 * f64::from(turn)), TARGET, &settings, &mut out);
+            assert_eq!(speeds(&out), [(0.5, true)], "{turn}");
+            let is_warning = |said: &&DriverOut| matches!(said, DriverOut::Text { .. });
+            warnings += out.iter().filter(is_warning).count();
+        }
+        assert_eq!(warnings, 1);
+        answered(&mut orders, MavResult::MAV_RESULT_ACCEPTED);
+        let mut out = Vec::new();
+        orders.due(at(9.0), TARGET, &settings, &mut out);
+        assert!(speeds(&out).is_empty() && !out.is_empty());
     }
 }

@@ -29,8 +29,9 @@ const MOUNTED_WITHIN_DEG: f64 = 1.0;
 const KNOWN_AFTER: u32 = 5;
 /// Two clocks run apart by at most one part in so many.
 const DRIFT: i128 = 2000;
-/// A clock that goes back by more than this was started anew.
-const STARTED_ANEW: Duration = Duration::from_secs(1);
+/// A clock that goes back by more than this was set or started anew; by less, a message was overtaken. One that is set back
+/// unnoticed makes all that follows too old, until the clocks may have run apart by so much.
+const SET_BACK: Duration = Duration::from_millis(200);
 
 /// Which range sensors hang on an autopilot, and what their readings can mean.
 #[derive(Clone, PartialEq, Debug)]
@@ -301,7 +302,7 @@ impl SenderClock {
         own_ns: i128,
         may_repeat: bool,
     ) -> Result<Option<Time>, RangeFault> {
-        let back_ns = i128::try_from(STARTED_ANEW.as_nanos()).unwrap_or(i128::MAX);
+        let back_ns = i128::try_from(SET_BACK.as_nanos()).unwrap_or(i128::MAX);
         if own_ns + back_ns < self.newest_ns {
             *self = SenderClock::begin(now, own_ns);
         }

@@ -20,11 +20,12 @@ use crate::mavlink::frames::MavAddress;
 use crate::mavlink::wire_message::EKF_STATUS;
 use crate::time::Time;
 
-/// Messages that are wanted: their number, how often a second, and the group that REQUEST_DATA_STREAM has them in.
+/// Messages that are wanted: their number, how often a second, and the group that REQUEST_DATA_STREAM has them in. The attitude
+/// comes first: a place without one is not believed.
 const WANTED: [(u32, u16, MavDataStream); 10] = [
+    (30, 10, MavDataStream::MAV_DATA_STREAM_EXTRA1),
     (33, 10, MavDataStream::MAV_DATA_STREAM_POSITION),
     (32, 10, MavDataStream::MAV_DATA_STREAM_POSITION),
-    (30, 10, MavDataStream::MAV_DATA_STREAM_EXTRA1),
     (24, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
     (1, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
     (245, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),

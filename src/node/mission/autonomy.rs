@@ -141,17 +141,20 @@ impl Autonomy {
         }
     }
 
-    /// Returns what is done about the battery, charged from 0 to 1.
+    /// Returns what is done about the battery, charged from 0 to 1. One whose charge is not known any more is as low as it was.
     pub(super) fn watch_battery(
         &mut self,
-        battery: f64,
+        battery: Option<f64>,
         safety: &Safety,
         goal: Goal,
     ) -> Option<Decision> {
         let charge = if self.is_battery_low { CHARGED } else { 0.0 };
-        self.is_battery_low = battery < safety.battery_return + charge;
+        if let Some(battery) = battery {
+            self.is_battery_low = battery < safety.battery_return + charge;
+        }
+        let is_empty = battery.is_some_and(|battery| battery < safety.battery_hold);
         match goal {
-            Goal::Following | Goal::Returning(_) if battery < safety.battery_hold => {
+            Goal::Following | Goal::Returning(_) if is_empty => {
                 Some(Decision::Hold(AutonomyCause::BatteryEmpty))
             }
             Goal::Following if self.is_battery_low => {

@@ -179,7 +179,7 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
     let mut mission = under_way();
     let battery = |battery: f64, x_m: f64| {
         In::State(OwnState {
-            battery,
+            battery: Some(battery),
             sequence: 500,
             ..own_state(x_m, 0.0)
         })
@@ -349,7 +349,7 @@ fn what_sends_a_vehicle_home_by_itself_ends_a_mission_of_its_own() {
     ] {
         let mut mission = started();
         let low = crate::node::OwnState {
-            battery,
+            battery: Some(battery),
             ..own_state(0.0, 0.0)
         };
         let out = fed(&mut mission, 2.0, In::State(low));
@@ -381,7 +381,7 @@ fn a_task_that_comes_after_a_vehicle_has_gone_home_by_itself_ends_with_that_reas
     fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
     fed(&mut mission, 1.1, order(OrderKind::Start));
     let low = crate::node::OwnState {
-        battery: 0.1,
+        battery: Some(0.1),
         ..own_state(0.0, 0.0)
     };
     fed(&mut mission, 2.0, In::State(low));
@@ -401,11 +401,37 @@ fn a_task_that_comes_after_a_vehicle_has_gone_home_by_itself_ends_with_that_reas
 }
 
 #[test]
+fn a_task_that_comes_while_a_vehicle_drives_home_leaves_it_on_its_way() {
+    let mut mission = Mission::new(settings(1));
+    let away = own_state(5.0, 0.0);
+    fed(&mut mission, 1.0, GROUND);
+    fed(&mut mission, 1.0, In::State(away.clone()));
+    fed(&mut mission, 1.1, order(OrderKind::Start));
+    let low = crate::node::OwnState {
+        battery: Some(0.1),
+        sequence: away.sequence + 1,
+        ..away
+    };
+    fed(&mut mission, 2.0, In::State(low));
+    assert!(mission.goal.drives_home(), "{:?}", mission.goal);
+    let task = Task {
+        lease: Lease::default(),
+        run: mission.assignment.run(),
+        members: vec![VehicleId(1)],
+        compare_with: None,
+        kind: tomoswarm_proto::TaskKind::Explore,
+    };
+    let out = fed(&mut mission, 3.0, In::Task(task));
+    assert!(!has(&out, MissionEvent::Home), "{out:?}");
+    assert!(mission.goal.drives_home(), "{:?}", mission.goal);
+}
+
+#[test]
 fn a_vehicle_at_home_with_an_empty_battery_is_home_when_it_is_to_return() {
     let home = settings(1).home;
     let empty = |off_m: f64| {
         In::State(crate::node::OwnState {
-            battery: 0.04,
+            battery: Some(0.04),
             ..own_state(home.x_m + off_m, home.y_m)
         })
     };

@@ -10,7 +10,7 @@ use super::kind::DriveRoute;
 use super::terrain::{PathSearch, RULES, ReachedGround, Resolution};
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{Bar, CellRect};
-use crate::plan::{Distances, NoRoute, SearchGrid, shortest_route};
+use crate::plan::{Distances, SearchGrid, shortest_route};
 
 /// So many close looks at a part of the ground, and what it holds is taken for barred.
 const LOOKS_MAX: usize = 3;
@@ -101,7 +101,8 @@ impl Doubts {
         let route = |grid: &SearchGrid| shortest_route(grid, search.from(), goal, &RULES);
         match route(&whole) {
             Ok(_) => {}
-            Err(NoRoute::StartBarred) => return DoubtStep::Spent(Vec::new()),
+            // What keeps it where it is says nothing of the goal.
+            Err(_) if is_shut_in(search, &whole) => return DoubtStep::Spent(Vec::new()),
             Err(_) => {
                 let bars = bars_of(search, &whole, goal);
                 return self.look_at_bars(search, &bars, peers).map_or_else(
@@ -382,6 +383,20 @@ fn viewpoint(
     found.into_iter().map(|(_, node)| node).find(sees)
 }
 
+/// Returns whether nothing can be reached from where the vehicle stands but that place itself: it is too near to something, such
+/// as the fence.
+fn is_shut_in(search: &PathSearch<'_>, optimistic: &SearchGrid) -> bool {
+    let start = optimistic.lattice().cell_at(search.from());
+    let around = CellRect::new(start, start).grown(1);
+    Distances::within(
+        optimistic,
+        start,
+        &RULES,
+        2.0 * optimistic.lattice().cell_m(),
+    )
+    .map_or(true, |reached| reached.costs_m(around).count() <= 1)
+}
+
 /// Returns the middles of cells.
 fn middles(lattice: Lattice, cells: &[Cell]) -> Vec<Point> {
     cells.iter().map(|cell| lattice.centre(*cell)).collect()
@@ -444,6 +459,17 @@ mod tests {
         );
         let (once, twice) = (open(vec![cell]), open(vec![cell, cell]));
         assert!(open(vec![]) > once && once > twice, "{once} {twice}");
+    }
+
+    #[test]
+    fn a_vehicle_that_cannot_leave_its_place_does_not_say_that_there_is_no_way_elsewhere() {
+        // The fence is at −5; whoever knows its place this badly keeps 1.2 m away from it.
+        let terrain = terrain_of(|_, _| false);
+        let mut pose = own_state(-4.4, 0.0).pose;
+        pose.sd_m = 0.3;
+        let search = terrain.search(Time::ZERO, pose);
+        let step = Doubts::default().toward(&search, Point::new(20.0, 0.0), &[]);
+        assert_eq!(step, DoubtStep::Spent(Vec::new()));
     }
 
     #[test]

@@ -330,7 +330,7 @@ pub enum Key {
     Expected,
     /// That one node was heard.
     Heard(Sender),
-    /// Accepted orders join by strength.
+    /// Of accepted orders the newest counts: it is what the vehicle obeys, and says that it does.
     Order,
     /// How it stands with the disk.
     Remembered,
@@ -376,6 +376,7 @@ impl Input for In {
 
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
+        let rank = |order: &Order| (order.lease, order.revision);
         let step = |progress: &VehicleProgress| {
             (
                 progress.boot,
@@ -400,7 +401,9 @@ impl Input for In {
                 In::Progress(unread)
             }
             (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
-            (In::Order(unread), In::Order(newer)) => In::Order(vehicle::join_orders(unread, newer)),
+            (In::Order(unread), In::Order(newer)) if rank(&unread) > rank(&newer) => {
+                In::Order(unread)
+            }
             (_, newer) => newer,
         }
     }

@@ -230,7 +230,7 @@ mod tests {
         );
         fed(&mut mission, 3.0, order(OrderKind::Start));
         let empty = crate::node::OwnState {
-            battery: 0.01,
+            battery: Some(0.01),
             ..own_state(1.0, 0.0)
         };
         fed(&mut mission, 4.0, In::State(empty));

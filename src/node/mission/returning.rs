@@ -22,6 +22,8 @@ const QUIET: Duration = Duration::from_secs(2);
 const HIGHER_WITHIN: Duration = Duration::from_secs(60);
 /// The same for a vehicle that has stepped back into the line: now they drive home.
 const LATER_HIGHER_WITHIN: Duration = Duration::from_secs(180);
+/// Lower ids are waited for no longer than this, whatever they drive for: they may be on missions that never end.
+const LOWER_WITHIN: Duration = Duration::from_secs(300);
 /// After a try in vain to get home, the next one follows no earlier than this.
 const TRY_AGAIN: Duration = Duration::from_secs(3);
 /// A vehicle that is barred by its peers goes through the unknown when none of them has moved for this long, and longer
@@ -53,20 +55,22 @@ pub(super) enum ReturnDecision {
 
 impl Returning<'_> {
     /// Returns whether a vehicle in the queue may drive: all lower ids have been at rest, longer the more there are, and the
-    /// higher ones stand.
+    /// higher ones stand; or it has waited long enough for those that do not.
     pub(super) fn is_its_turn(&self, queue: &ReturnQueue) -> bool {
         let quiet = QUIET * self.lower().count() as u32;
         let mut higher = self.peers.iter().filter(|(id, _)| *id > self.own);
         let higher_stand = higher.all(|(_, peer)| peer.stands(self.now));
-        let within = match queue.has_stepped_back && !self.is_battery_low() {
-            true => LATER_HIGHER_WITHIN,
-            false => HIGHER_WITHIN,
+        let mut lower = self.lower();
+        let lower_are_quiet = lower.all(|peer| peer.is_quiet(self.now, queue.since, quiet));
+        let (lower_within, higher_within) = match (self.is_battery_low(), queue.has_stepped_back) {
+            (true, _) => (HIGHER_WITHIN, HIGHER_WITHIN),
+            (false, true) => (LOWER_WITHIN, LATER_HIGHER_WITHIN),
+            (false, false) => (LOWER_WITHIN, HIGHER_WITHIN),
         };
+        let has_waited = |within: Duration| self.now.since(queue.since) > within;
         queue.try_at <= self.now
-            && self
-                .lower()
-                .all(|peer| peer.is_quiet(self.now, queue.since, quiet))
-            && (higher_stand || self.now.since(queue.since) > within)
+            && (lower_are_quiet || has_waited(lower_within))
+            && (higher_stand || has_waited(higher_within))
     }
 
     /// Returns what a vehicle does whose turn it is, as the way home looks.

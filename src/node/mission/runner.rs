@@ -506,11 +506,6 @@ impl StepRunner {
             Err(_) if !claims.is_empty() && courses.course_to(place, true, &[]).is_ok() => {
                 self.yield_to_peers(scene);
             }
-            Err(crate::plan::NoRoute::StartBarred) => {
-                // Something stands too near to where the vehicle is: it looks again, later.
-                self.tries.hemmed_in(scene.pose().at);
-                self.choose_at(scene.now + WAIT);
-            }
             // What the reflex has met keeps it from where it could look at what bars; that is forgotten again.
             Err(_) if courses.search.is_cut_off(&claims) => self.choose_at(scene.now + WAIT),
             // Only what the reflex has met bars the way.

@@ -542,6 +542,20 @@ fn a_vehicle_that_is_held_takes_a_task_and_stays_held() {
 }
 
 #[test]
+fn of_two_unread_orders_that_the_vehicle_obeys_the_newer_one_stays() {
+    let given = |revision: u32, kind| {
+        let In::Order(order) = order(kind) else {
+            panic!("it is an order");
+        };
+        let revision = Revision(revision);
+        In::Order(Order { revision, ..order })
+    };
+    let (hold, start) = (given(5, OrderKind::Hold), given(6, OrderKind::Start));
+    assert_eq!(In::join(hold.clone(), start.clone()), start);
+    assert_eq!(In::join(start.clone(), hold), start);
+}
+
+#[test]
 fn of_two_unread_tasks_of_a_run_the_one_of_the_greater_right_stays() {
     let lease = |number| Lease { number, holder: 7 };
     let given = |number, kind| task(lease(number), RunId(2), &[1], kind);

@@ -104,7 +104,7 @@ mod tests {
             pose,
             flight_state: Default::default(),
             speed_mps: 0.0,
-            battery: 1.0,
+            battery: Some(1.0),
             motion: Motion::Resting,
             is_armed: true,
             stored: None,

@@ -196,7 +196,7 @@ impl Vehicle {
             control: self.autopilot.control,
             is_armed: own.is_armed,
             is_landed: self.autopilot.is_landed,
-            battery: Permille::from_fraction(own.battery),
+            battery: own.battery.and_then(Permille::from_fraction),
             leg: own.leg.as_ref().map(report),
             accepted: own.accepted,
             ordered: own.ordered,

@@ -38,7 +38,7 @@ fn telemetry(x_m: f64, speed_mps: f64, sd_m: f64) -> In {
         pose,
         flight_state: Default::default(),
         speed_mps,
-        battery: 1.0,
+        battery: Some(1.0),
         motion,
         is_armed: true,
         stored: None,
@@ -920,7 +920,7 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
         pose,
         flight_state: Default::default(),
         speed_mps: 0.456_7,
-        battery: 0.876_54,
+        battery: Some(0.876_54),
         motion: Motion::Driving,
         is_armed: true,
         stored: None,
@@ -930,7 +930,7 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
     };
     assert_eq!(
         (own.pose, own.speed_mps, own.battery),
-        (pose, 0.456_7, 0.876_54)
+        (pose, 0.456_7, Some(0.876_54))
     );
     let report = state.pose.unwrap();
     assert_eq!((report.at.x_mm, report.at.y_mm, report.sd.0), (1235, 0, 51));

@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use super::reopening::{LATEST, SOONEST};
 use crate::run::mailbox::lock;
+use crate::store::lost_thread;
 
 /// A device and its thread, with what both sides of it share; dropping it ends the thread.
 pub(super) struct DeviceThread<S> {
@@ -77,7 +78,7 @@ impl<S: Send + 'static> DeviceThread<S> {
 
     /// Returns why the device is closed, or what is wrong with it while it is open; `None` when all is well.
     pub(super) fn trouble(&self) -> Option<String> {
-        lock(&self.shared.state).trouble.clone()
+        lost_thread(self.thread.as_ref()).or_else(|| lock(&self.shared.state).trouble.clone())
     }
 
     /// Looks at what is shared, or changes it and wakes the thread.
@@ -165,4 +166,29 @@ fn recovered<'a, T>(
     locked: Result<MutexGuard<'a, T>, PoisonError<MutexGuard<'a, T>>>,
 ) -> MutexGuard<'a, T> {
     locked.unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+
+    #[test]
+    fn a_device_whose_thread_has_ended_is_in_trouble() {
+        let session = |shared: &Shared<()>| -> Result<(), Gone> {
+            shared.opened();
+            panic!("as it shall");
+        };
+        let device = DeviceThread::start("device", "port".to_owned(), (), session).unwrap();
+        let is_told = || {
+            let trouble = device.trouble();
+            trouble.is_some_and(|trouble| trouble.contains("its thread has ended"))
+        };
+        let began = Instant::now();
+        while !is_told() {
+            assert!(began.elapsed() < Duration::from_secs(20));
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
 }

@@ -54,6 +54,24 @@ fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
 }
 
 #[test]
+fn a_store_whose_thread_has_ended_is_a_trouble() {
+    let (troubles, node) = (Troubles::default(), LiveGround::default());
+    let (end, ended) = std::sync::mpsc::channel::<()>();
+    let keeper = std::thread::spawn(move || {
+        let _ = ended.recv();
+    });
+    watch_store(&keeper, &node, &troubles);
+    assert!(troubles.list().is_empty());
+    drop(end);
+    while !keeper.is_finished() {
+        std::thread::yield_now();
+    }
+    watch_store(&keeper, &node, &troubles);
+    let told = troubles.list();
+    assert_eq!(told, ["store: its thread has ended; start the node anew"]);
+}
+
+#[test]
 fn what_could_not_be_stored_is_stored_later_and_each_trouble_ends_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let troubles = Troubles::default();

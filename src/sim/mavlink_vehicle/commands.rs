@@ -1,6 +1,7 @@
 //! The commands of clients (COMMAND_LONG, COMMAND_INT) and what each is answered: as ArduPilot does
 //! (<https://mavlink.io/en/messages/common.html#mav_commands>).
 
+use super::parameters::speed_mps;
 use super::telemetry::Telemetry;
 use super::{FlownVehicle, MavlinkVehicle, tell};
 use crate::autopilot::{Command, CommandAck, FlightMode, VehicleKind};
@@ -83,7 +84,10 @@ impl MavlinkVehicle {
                 Some(item) => Command::SetCurrent(item as usize),
                 None => return denied,
             },
-            MavCmd::MAV_CMD_DO_CHANGE_SPEED => Command::Speed(asked.number(2).unwrap_or(f64::NAN)),
+            MavCmd::MAV_CMD_DO_CHANGE_SPEED => {
+                let speed_mps = asked.number(2).unwrap_or(f64::NAN);
+                return Answer::Of(self.change_speed(now, speed_mps, vehicle));
+            }
             MavCmd::MAV_CMD_DO_SET_SERVO => match (asked.whole(1), asked.whole(2)) {
                 (Some(channel), Some(pulse)) => Command::Servo {
                     channel: u8::try_from(channel).unwrap_or(0),
@@ -113,6 +117,35 @@ impl MavlinkVehicle {
         Answer::Of(vehicle.command(now, &command).result)
     }
 
+    /// Changes the speed. A rover in GUIDED takes one while it drives to a place only (`ModeGuided::set_desired_speed`), and
+    /// drives on with it.
+    fn change_speed(
+        &self,
+        now: Time,
+        speed_mps: f64,
+        vehicle: &mut FlownVehicle<'_>,
+    ) -> CommandAck {
+        let is_guided = vehicle.readout(now).mode == FlightMode::Guided;
+        let route = match &self.target {
+            _ if self.kind == VehicleKind::Copter || !is_guided => None,
+            Some(Command::Route {
+                corners,
+                altitude_m,
+                ..
+            }) => Some(Command::Route {
+                corners: corners.clone(),
+                altitude_m: *altitude_m,
+                speed_mps: Some(speed_mps),
+            }),
+            Some(_) | None => return CommandAck::Failed,
+        };
+        let changed = vehicle.command(now, &Command::Speed(speed_mps)).result;
+        match route.filter(|_| changed == CommandAck::Accepted) {
+            Some(route) => vehicle.command(now, &route).result,
+            None => changed,
+        }
+    }
+
     /// Changes to the mode of a number.
     pub(super) fn change_mode(
         &mut self,
@@ -126,10 +159,22 @@ impl MavlinkVehicle {
             ShownMode::Other(_) => return MavResult::MAV_RESULT_FAILED,
         };
         match vehicle.command(now, &Command::Mode(mode)).result {
-            CommandAck::Accepted => MavResult::MAV_RESULT_ACCEPTED,
+            CommandAck::Accepted => {
+                self.forget_speed(now, mode, vehicle);
+                MavResult::MAV_RESULT_ACCEPTED
+            }
             CommandAck::Denied | CommandAck::Unsupported | CommandAck::Failed => {
                 MavResult::MAV_RESULT_FAILED
             }
+        }
+    }
+
+    /// A rover begins GUIDED with the speed of its parameter, whatever it was told before (`ModeGuided::_enter`).
+    fn forget_speed(&self, now: Time, mode: FlightMode, vehicle: &mut FlownVehicle<'_>) {
+        let is_begun = self.kind == VehicleKind::Rover && mode == FlightMode::Guided;
+        let speed = speed_mps(&self.parameters, "WP_SPEED", self.kind).filter(|_| is_begun);
+        if let Some(speed_mps) = speed {
+            vehicle.command(now, &Command::Speed(speed_mps));
         }
     }
 
@@ -157,7 +202,9 @@ impl MavlinkVehicle {
                 .flatten(),
             speed_mps: asked.number(1).filter(|speed_mps| *speed_mps > 0.0),
         };
-        vehicle.command(now, &route).result
+        let result = vehicle.command(now, &route).result;
+        self.target = (result == CommandAck::Accepted).then_some(route);
+        result
     }
 
     /// Returns the heading for a bearing, or one relative to where it faces (parameter 4 = 1; parameter 3 = the side).

@@ -77,9 +77,10 @@ pub(super) fn of_local(
                 speed_mps: None,
             })
         }
-        Wanted::Velocity => {
-            are_numbers(&[target.vx, target.vy]).then(|| moving(along(target.vx, target.vy)))
-        }
+        Wanted::Velocity => are_numbers(&[target.vx, target.vy]).then(|| {
+            let velocity = along(target.vx, target.vy);
+            moving(velocity, kind, target.type_mask, frame)
+        }),
         Wanted::Yaw => are_numbers(&[target.yaw])
             .then(|| Command::Yaw(frame.heading_of(Bearing::from_radians(f64::from(target.yaw))))),
         Wanted::Nothing => None,
@@ -113,17 +114,23 @@ pub(super) fn of_global(
         }
         Wanted::Velocity => are_numbers(&[target.vx, target.vy]).then(|| {
             let to = frame.from_north_east(f64::from(target.vx), f64::from(target.vy));
-            moving(to - Point::new(0.0, 0.0))
+            let velocity = to - Point::new(0.0, 0.0);
+            moving(velocity, kind, target.type_mask, frame)
         }),
         Wanted::Yaw | Wanted::Nothing => None,
     }
 }
 
-/// Returns what a velocity wants; one of zero brakes.
-fn moving(velocity: Vector) -> Command {
-    match velocity == Vector::default() {
-        true => Command::Stop,
-        false => Command::Velocity(velocity),
+/// Returns what a velocity wants. One of zero brakes; but a rover that is not told that it is not to turn turns to where a
+/// velocity points, and one of zero points north.
+fn moving(velocity: Vector, kind: VehicleKind, ignored: Ignored, frame: &EarthFrame) -> Command {
+    let may_turn = Ignored::POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE;
+    if velocity != Vector::default() {
+        Command::Velocity(velocity)
+    } else if kind == VehicleKind::Rover && ignored.contains(may_turn) {
+        Command::Yaw(frame.heading_of(Bearing::from_degrees(0.0)))
+    } else {
+        Command::Stop
     }
 }
 

@@ -414,11 +414,46 @@ fn a_stop_ends_a_drive_and_it_is_not_said_again() {
     };
     rig.command(route);
     assert!(rig.until(8.0, |rig| rig.last().speed_mps > 0.5));
+    let ahead = rig.last().pose.heading;
     assert_eq!(rig.command(Command::Stop), CommandAck::Accepted);
     assert!(rig.until(3.0, |rig| rig.last().motion == Motion::Resting));
     let at = rig.last().pose.at;
     rig.pass(5.0);
     assert!(rig.last().pose.at.distance_to(at) < 0.1);
+    assert!(
+        rig.last().pose.heading.is_near(ahead, 0.05),
+        "it turns away"
+    );
+}
+
+#[test]
+fn a_rover_takes_a_speed_while_it_drives_to_a_place_and_each_drive_is_as_fast_as_it_is_told() {
+    let mut rig = Rig::armed(VehicleKind::Rover);
+    assert_eq!(
+        rig.command(Command::Speed(0.5)),
+        CommandAck::Failed,
+        "it drives nowhere"
+    );
+    for (x_m, speed_mps) in [(-9.0, 0.4), (-1.0, 0.8)] {
+        let goal = Point::new(x_m, 0.0);
+        rig.command(Command::Route {
+            corners: vec![goal],
+            altitude_m: None,
+            speed_mps: Some(speed_mps),
+        });
+        rig.reports.clear();
+        let there = |rig: &Rig| {
+            let last = rig.reports.last();
+            last.is_some_and(|last| last.pose.at.distance_to(goal) < 0.15)
+        };
+        assert!(rig.until(40.0, there), "{:?}", rig.last());
+        let speeds = rig.reports.iter().map(|report| report.speed_mps);
+        let fastest_mps = speeds.fold(0.0, f64::max);
+        let is_it = (fastest_mps - speed_mps).abs() < 0.1;
+        assert!(is_it, "{fastest_mps} instead of {speed_mps}");
+        rig.command(Command::Stop);
+        rig.pass(1.0);
+    }
 }
 
 #[test]

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use super::file::MemoryFile;
 use crate::node::{Event, Remembered, VehicleMemory};
+use crate::store::lost_thread;
 
 /// A disk in trouble is tried again this often.
 const RETRY: Duration = Duration::from_secs(1);
@@ -64,7 +65,7 @@ impl MemoryDriver {
 
     /// Returns why the memory is not on disk just now.
     pub fn trouble(&self) -> Option<String> {
-        lock(&self.trouble).clone()
+        lost_thread(self.thread.as_ref()).or_else(|| lock(&self.trouble).clone())
     }
 }
 

@@ -17,7 +17,7 @@ use tomoswarm_proto::{Boot, RunId, Sample, VehicleId};
 use super::file::OutboxFile;
 use crate::node::Event;
 use crate::node::outbox::{CHUNK, DroppedSamples, Recalled, SampleKey};
-use crate::store::StoreError;
+use crate::store::{StoreError, lost_thread};
 
 /// Samples are written at least this often.
 const GROUP: Duration = Duration::from_millis(100);
@@ -118,7 +118,9 @@ impl OutboxDriver {
 
     /// Returns how it fares.
     pub fn health(&self) -> OutboxHealth {
-        lock(&self.health).clone()
+        let mut health = lock(&self.health).clone();
+        health.trouble = lost_thread(self.thread.as_ref()).or(health.trouble);
+        health
     }
 
     fn want(&self, wanted: OutboxJob) {

@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use tomoswarm_proto::Boot;
+
 use super::actors;
 use super::folder;
 use super::message::{self, MessageError};
@@ -20,6 +22,9 @@ use crate::geom::Lattice;
 use crate::store::DiskRoom;
 use crate::time::Time;
 
+/// UTC at the start of a node is noted anew when its machine's clock was set by so much, nanoseconds.
+const UTC_STEP_NS: u64 = 1_000_000_000;
+
 /// What a recording is of.
 #[derive(Clone, Debug)]
 pub struct RecordingSubject {
@@ -31,7 +36,9 @@ pub struct RecordingSubject {
     pub venue: String,
     /// The cells of its map.
     pub lattice: Lattice,
-    /// UTC at the start of the node, nanoseconds since 1970, when it is known; log times stay the node's.
+    /// Which start of the node's software it is; `None` in a simulation, whose nodes share one time.
+    pub start: Option<Boot>,
+    /// UTC at the start of the node, nanoseconds since 1970, when it is known from the beginning; log times stay the node's.
     pub utc_at_zero_ns: Option<u64>,
 }
 
@@ -132,15 +139,37 @@ impl OpenRecording {
         Ok(number)
     }
 
+    /// Notes UTC at the start of the node, nanoseconds since 1970, in the newest segment, unless it says so already: its machine's
+    /// clock may be set when the node has run for a while. Segments that begin later say it from the beginning.
+    ///
+    /// # Errors
+    /// As for [`OpenRecording::snapshot`].
+    pub fn note_utc(&mut self, at_zero_ns: u64) -> Result<(), WriteError> {
+        let known_ns = self.about.utc_at_zero_ns.replace(at_zero_ns);
+        if known_ns.is_some_and(|known_ns| known_ns.abs_diff(at_zero_ns) < UTC_STEP_NS) {
+            return Ok(());
+        }
+        let Some(newest) = self.open.values_mut().next_back() else {
+            return Ok(());
+        };
+        let words = [("at_zero_ns".to_owned(), at_zero_ns.to_string())];
+        newest.metadata("utc", words.into())
+    }
+
     fn preface(&self, number: u64) -> [(&'static str, BTreeMap<String, String>); 2] {
         let utc = self
             .about
             .utc_at_zero_ns
             .map_or("unknown".to_owned(), |nanos| nanos.to_string());
+        let start = self
+            .about
+            .start
+            .map_or("unknown".to_owned(), |start| start.0.to_string());
         let words = [
             ("format", FORMAT.to_owned()),
             ("software", VERSION.to_owned()),
             ("node", self.about.node.clone()),
+            ("start", start),
             ("segment", number.to_string()),
             ("log_time", "nanoseconds since the node started".to_owned()),
             ("utc_at_zero_ns", utc),

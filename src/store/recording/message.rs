@@ -177,7 +177,7 @@ mod tests {
             pose,
             flight_state: Default::default(),
             speed_mps,
-            battery: 1.0,
+            battery: Some(1.0),
             motion: Motion::Driving,
             is_armed: true,
             stored: None,

@@ -20,6 +20,7 @@ use serde::Serialize;
 use super::flight::{OpenRecording, RecordingLimits, RecordingSubject};
 use super::segment::WriteError;
 use crate::actor::{ActorStep, Snapshot};
+use crate::store::lost_thread;
 use crate::time::Time;
 
 /// Steps and snapshots that may wait to be written.
@@ -46,6 +47,8 @@ struct Shared {
     trouble: Mutex<Option<String>>,
     /// What all segments take, bytes.
     used_bytes: AtomicU64,
+    /// UTC at the start of the node, nanoseconds since 1970; 0 = not known.
+    utc_at_zero_ns: AtomicU64,
     /// Steps and snapshots that wait to be written.
     waiting: AtomicUsize,
     /// The writing thread.
@@ -60,6 +63,11 @@ impl Shared {
     fn set_use(&self, flight: &OpenRecording) {
         self.used_bytes
             .store(flight.used_bytes(), Ordering::Relaxed);
+    }
+
+    fn utc_at_zero_ns(&self) -> Option<u64> {
+        let utc_ns = self.utc_at_zero_ns.load(Ordering::Relaxed);
+        (utc_ns > 0).then_some(utc_ns)
     }
 
     fn set_trouble(&self, trouble: Option<String>) {
@@ -150,6 +158,13 @@ impl Recorder {
         }
     }
 
+    /// Notes UTC at the start of the node, nanoseconds since 1970, by a clock that is believed.
+    pub fn note_utc(&self, at_zero_ns: u64) {
+        self.shared
+            .utc_at_zero_ns
+            .store(at_zero_ns, Ordering::Relaxed);
+    }
+
     /// Returns what it takes of the disk, and what it may take.
     pub fn disk_use(&self) -> RecordingUse {
         RecordingUse {
@@ -160,11 +175,9 @@ impl Recorder {
 
     /// Returns why nothing is recorded at present, if so.
     pub fn trouble(&self) -> Option<String> {
-        self.shared
-            .trouble
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        let told = self.shared.trouble.lock();
+        let told = told.unwrap_or_else(PoisonError::into_inner).clone();
+        lost_thread(self.thread.as_ref()).or(told)
     }
 }
 
@@ -288,6 +301,8 @@ impl Writing {
 
     /// Opens the first segment; returns when to try again when that fails.
     fn begin(&mut self) -> Option<Instant> {
+        let known_ns = self.shared.utc_at_zero_ns();
+        self.about.utc_at_zero_ns = known_ns.or(self.about.utc_at_zero_ns);
         let mut flight =
             OpenRecording::new(&self.folder, self.about.clone(), self.limits).after(self.given);
         match flight.begin(self.now, None) {
@@ -330,6 +345,9 @@ impl Writing {
         let Some(flight) = &mut self.flight else {
             return Ok(());
         };
+        if let Some(utc_ns) = self.shared.utc_at_zero_ns() {
+            flight.note_utc(utc_ns)?;
+        }
         let is_full = flight.flush(self.now)?;
         self.shared.set_use(flight);
         let is_overrun = self.shared.is_overrun.swap(false, Ordering::AcqRel);
@@ -359,6 +377,7 @@ mod tests {
             settings,
             venue: String::new(),
             lattice: Lattice::new(0.2),
+            start: None,
             utc_at_zero_ns: None,
         }
     }
@@ -458,6 +477,26 @@ mod tests {
     }
 
     #[test]
+    fn utc_that_is_known_late_is_noted_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let recorder = Recorder::start(
+            folder.path().to_owned(),
+            about(),
+            RecordingLimits::default(),
+        );
+        let begun = ["tomoswarm", "settings"];
+        wait_until(|| read(folder.path(), 1).0 == begun);
+        recorder.note_utc(7_000_000_000);
+        let noted = ["tomoswarm", "settings", "utc"];
+        wait_until(|| read(folder.path(), 1).0 == noted);
+        // A clock that is slewed is not set.
+        recorder.note_utc(7_900_000_000);
+        std::thread::sleep(2 * FLUSH_EVERY);
+        drop(recorder);
+        assert_eq!(read(folder.path(), 1).0, noted);
+    }
+
+    #[test]
     fn where_nothing_can_be_written_the_node_goes_on_without() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
@@ -465,6 +504,20 @@ mod tests {
         let recorder = Recorder::start(path, about(), RecordingLimits::default());
         assert!(recorder.trouble().unwrap().contains("cannot be written"));
         assert!(!recorder.scribe().prepare(Time::ZERO, "radio", &7_u32));
+    }
+
+    #[test]
+    fn a_writing_thread_that_has_ended_is_a_trouble() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().to_owned();
+        let mut recorder = Recorder::start(path, about(), RecordingLimits::default());
+        assert_eq!(recorder.trouble(), None);
+        let ended = std::thread::spawn(|| {});
+        let writing = recorder.thread.replace(ended);
+        wait_until(|| recorder.trouble().is_some());
+        assert!(recorder.trouble().unwrap().contains("has ended"));
+        recorder.thread = writing;
+        assert_eq!(recorder.trouble(), None);
     }
 
     #[test]

@@ -54,6 +54,7 @@ pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
         }
         all.push(segment);
     }
+    settle_utc(&mut all);
     let recorded: BTreeSet<Sender> = all.iter().filter_map(|segment| segment.node).collect();
     let hears_for_all = hears_for_all(&recorded);
     let starts_ns = all.iter().map(|segment| segment.utc_at_zero_ns);
@@ -89,6 +90,23 @@ pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
     run.heard.extend(numbered(lines));
     run.heard.sort_by_key(|(at, _)| *at);
     Ok(run)
+}
+
+/// Gives all segments of one start of a node the UTC that it noted last: until its clock was set it knew none, or a wrong one.
+fn settle_utc(all: &mut [SegmentContents]) {
+    let mut noted = BTreeMap::<(Sender, u32), (u64, u64)>::new();
+    for segment in all.iter() {
+        if let (Some(start), Some(utc_ns)) = (segment.start(), segment.utc_at_zero_ns) {
+            let newest = noted.entry(start).or_default();
+            *newest = (segment.number, utc_ns).max(*newest);
+        }
+    }
+    for segment in all.iter_mut() {
+        let newest = segment.start().and_then(|start| noted.get(&start));
+        if let Some((_, utc_ns)) = newest {
+            segment.utc_at_zero_ns = Some(*utc_ns);
+        }
+    }
 }
 
 /// Returns lines of nodes' logs as they would have been said to operators, numbered for each node over all its starts.
@@ -139,6 +157,10 @@ fn hears_for_all(recorded: &BTreeSet<Sender>) -> Option<Sender> {
 #[derive(Default)]
 struct SegmentContents {
     node: Option<Sender>,
+    /// Which start of its software it is, and which segment; recordings of simulations, and old ones, do not say the start.
+    software_start: Option<u32>,
+    number: u64,
+    /// UTC at that start, nanoseconds since 1970, as it says last.
     utc_at_zero_ns: Option<u64>,
     is_known: bool,
     said: Vec<(Time, Message)>,
@@ -173,6 +195,11 @@ fn read(path: &Path, run: &mut RecordedRun) -> Result<SegmentContents, String> {
 }
 
 impl SegmentContents {
+    /// Returns which start of which node it is of, if it says so.
+    fn start(&self) -> Option<(Sender, u32)> {
+        self.node.zip(self.software_start)
+    }
+
     fn take(
         &mut self,
         path: &Path,
@@ -218,6 +245,8 @@ impl SegmentContents {
                 check_version(values)?;
                 self.is_known = true;
                 self.utc_at_zero_ns = value("utc_at_zero_ns").parse().ok();
+                self.software_start = value("start").parse().ok();
+                self.number = value("segment").parse().unwrap_or(0);
                 let node = value("node");
                 self.node =
                     Some(sender(node).ok_or_else(|| format!("is of the unknown node {node}"))?);
@@ -229,6 +258,10 @@ impl SegmentContents {
                 } else if !venue.is_empty() && venue != run.venue {
                     return Err("is of another venue than the files before".to_owned());
                 }
+            }
+            "utc" => {
+                let noted_ns = value("at_zero_ns").parse().ok();
+                self.utc_at_zero_ns = noted_ns.or(self.utc_at_zero_ns);
             }
             "gap" => run.notes.push(gap_note(path, values)),
             _ => {}
@@ -277,4 +310,55 @@ pub(super) fn hears<I: Any>() -> bool {
     use crate::operator::operator_actor;
     let of = TypeId::of::<I>();
     of == TypeId::of::<station::In>() || of == TypeId::of::<operator_actor::In>()
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::Boot;
+
+    use super::super::{OpenRecording, RecordingLimits, RecordingSubject};
+    use super::*;
+    use crate::geom::Lattice;
+
+    fn recording(folder: &Path, start: Option<Boot>, utc_at_zero_ns: Option<u64>) -> OpenRecording {
+        let about = RecordingSubject {
+            node: "vehicle/1".to_owned(),
+            settings: String::new(),
+            venue: String::new(),
+            lattice: Lattice::new(0.2),
+            start,
+            utc_at_zero_ns,
+        };
+        OpenRecording::new(folder, about, RecordingLimits::default())
+    }
+
+    #[test]
+    fn a_start_whose_clock_was_set_late_has_the_time_that_it_noted_last() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut set_late = recording(folder.path(), Some(Boot(7)), None);
+        set_late.begin(Time::ZERO, None).unwrap();
+        set_late.begin(Time::ZERO, None).unwrap();
+        set_late.note_utc(5_000_000_000_000).unwrap();
+        set_late.begin(Time::ZERO, None).unwrap();
+        set_late.note_utc(5_020_000_000_000).unwrap();
+        set_late.end().unwrap();
+        // The next start never knows; one that says no start does so by its beginning alone, as recordings of before.
+        for (start, utc_ns) in [(Some(Boot(8)), None), (None, Some(1_000))] {
+            let mut other = recording(folder.path(), start, utc_ns);
+            other.begin(Time::ZERO, None).unwrap();
+            other.end().unwrap();
+        }
+        let mut run = RecordedRun::default();
+        let mut all: Vec<SegmentContents> = (1..=5)
+            .map(|number| folder.path().join(format!("flight-{number:06}.mcap")))
+            .map(|path| read(&path, &mut run).unwrap())
+            .collect();
+        let utc_ns = |all: &[SegmentContents]| -> Vec<Option<u64>> {
+            all.iter().map(|segment| segment.utc_at_zero_ns).collect()
+        };
+        let (first, set) = (Some(5_000_000_000_000), Some(5_020_000_000_000));
+        assert_eq!(utc_ns(&all), [None, first, set, None, Some(1_000)]);
+        settle_utc(&mut all);
+        assert_eq!(utc_ns(&all), [set, set, set, None, Some(1_000)]);
+    }
 }

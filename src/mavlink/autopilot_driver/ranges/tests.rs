@@ -187,6 +187,30 @@ fn a_message_that_was_under_way_for_long_is_as_old_as_its_clock_shows() {
 }
 
 #[test]
+fn a_clock_that_is_set_back_by_less_than_a_second_is_known_again_after_a_few_messages() {
+    for back_ms in [300, 700, 990] {
+        let mut ranges = ranges();
+        told_distance(&mut ranges, &ahead(150));
+        let ages_s: Vec<Option<f64>> = (1..=7u32)
+            .map(|step| {
+                let mut said = ahead(150);
+                said.time_boot_ms = 5000 - back_ms + 50 * step;
+                let mut out = Vec::new();
+                let now = Time::from_nanos(u64::from(1000 + 50 * step) * 1_000_000);
+                ranges.hear(now, FROM, &MavMessage::DISTANCE_SENSOR(said), &mut out);
+                let found = readings(&out);
+                let first = found.first();
+                first.map(|reading| now.since(reading.measured).as_secs_f64())
+            })
+            .collect();
+        let (unknown, known) = ages_s.split_at(4);
+        assert_eq!(unknown, [None; 4], "{back_ms} ms");
+        let is_fresh = |age_s: &Option<f64>| age_s.is_some_and(|age_s| age_s < 0.041);
+        assert!(known.iter().all(is_fresh), "{back_ms} ms: {known:?}");
+    }
+}
+
+#[test]
 fn clocks_that_run_apart_a_little_make_no_reading_old() {
     let mut ranges = ranges();
     let mut last = Vec::new();

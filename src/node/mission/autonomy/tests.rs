@@ -108,14 +108,37 @@ fn a_low_battery_returns_an_empty_one_holds_and_it_is_low_until_it_is_charged() 
     let returns = Some(Decision::Return(AutonomyCause::BatteryLow));
     let holds = Some(Decision::Hold(AutonomyCause::BatteryEmpty));
     let returning = Goal::go_home(at(0.0), GoalSource::Order);
-    assert_eq!(watch(0.3, Goal::Following), (None, false));
-    assert_eq!(watch(0.29, Goal::Following), (returns, true));
-    assert_eq!(watch(0.29, returning), (None, true));
-    assert_eq!(watch(0.09, returning), (holds.clone(), true));
-    assert_eq!(watch(0.09, Goal::Following), (holds, true));
-    assert_eq!(watch(0.09, Goal::Held(GoalSource::Order)), (None, true));
-    assert_eq!(watch(0.34, Goal::Waiting), (None, true));
-    assert_eq!(watch(0.35, Goal::Waiting), (None, false));
+    assert_eq!(watch(Some(0.3), Goal::Following), (None, false));
+    assert_eq!(watch(Some(0.29), Goal::Following), (returns, true));
+    assert_eq!(watch(Some(0.29), returning), (None, true));
+    assert_eq!(watch(Some(0.09), returning), (holds.clone(), true));
+    assert_eq!(watch(Some(0.09), Goal::Following), (holds, true));
+    assert_eq!(
+        watch(Some(0.09), Goal::Held(GoalSource::Order)),
+        (None, true)
+    );
+    assert_eq!(watch(Some(0.34), Goal::Waiting), (None, true));
+    assert_eq!(watch(Some(0.35), Goal::Waiting), (None, false));
+}
+
+#[test]
+fn a_battery_whose_charge_is_not_known_any_more_is_as_low_as_it_was() {
+    let safety = Safety {
+        battery_return: 0.3,
+        battery_hold: 0.1,
+        ..Safety::default()
+    };
+    let mut autonomy = Autonomy::default();
+    let mut watch = |battery, goal| {
+        let decision = autonomy.watch_battery(battery, &safety, goal);
+        (decision, autonomy.is_battery_low())
+    };
+    let returns = Some(Decision::Return(AutonomyCause::BatteryLow));
+    assert_eq!(watch(Some(0.5), Goal::Following), (None, false));
+    assert_eq!(watch(None, Goal::Following), (None, false));
+    assert_eq!(watch(Some(0.2), Goal::Waiting), (None, true));
+    assert_eq!(watch(None, Goal::Waiting), (None, true));
+    assert_eq!(watch(None, Goal::Following), (returns, true));
 }
 
 #[test]

@@ -148,7 +148,9 @@ impl Behaviour for Seek {
                 Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
             ) => {
                 if at.is_some() {
-                    self.note_look(around.terrain, from, toward, at);
+                    let seen = self.seen_by_look(around.terrain, from, toward);
+                    let cells: Vec<Cell> = seen.into_iter().chain(at).collect();
+                    self.looks.note(&cells, from);
                 }
                 MissionStep::Think
             }
@@ -188,7 +190,8 @@ impl Behaviour for Seek {
             else {
                 continue;
             };
-            self.note_look(around.terrain, from, toward, None);
+            let seen = self.seen_by_look(around.terrain, from, toward);
+            self.looks.note_of_peer(&seen, from);
             if let Some(at) = closely {
                 let search = around.terrain.search(around.now, around.pose);
                 self.doubts.note_peers(&search, at, from);
@@ -374,8 +377,8 @@ impl Seek {
         candidates
     }
 
-    /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
-    fn note_look(&mut self, terrain: &Terrain, from: Point, heading: Angle, at: Option<Cell>) {
+    /// Returns the cells beside unknown ground that a look from a place along a heading has covered.
+    fn seen_by_look(&mut self, terrain: &Terrain, from: Point, heading: Angle) -> Vec<Cell> {
         let look = &self.settings.look;
         let widest_rad = look
             .beams
@@ -386,7 +389,7 @@ impl Seek {
         let reach_m = look.sure_range_m;
         let lattice = self.settings.lattice;
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else {
-            return;
+            return Vec::new();
         };
         self.frontiers.update(terrain.map(), &self.settings);
         let view = terrain.map().view(self.settings.slice, area);
@@ -397,13 +400,8 @@ impl Seek {
                 && off.radians().abs() <= half_rad
                 && sees(&occupancy, lattice, from, one.at)
         };
-        let covered = self
-            .candidates()
-            .into_iter()
-            .filter(is_covered)
-            .map(|one| one.cell);
-        let cells: Vec<Cell> = covered.chain(at).collect();
-        self.looks.note(&cells, from);
+        let covered = self.candidates().into_iter().filter(is_covered);
+        covered.map(|one| one.cell).collect()
     }
 }
 

@@ -80,6 +80,19 @@ fn lower_ids_go_first_and_higher_ones_are_waited_for_until_they_stand_or_for_a_w
 }
 
 #[test]
+fn lower_ids_that_never_rest_are_waited_for_for_a_while_shorter_with_a_low_battery() {
+    let low = Return {
+        by: GoalSource::Itself(AutonomyCause::BatteryLow),
+        ..ordered()
+    };
+    let is_its_turn = |now_s: f64, home: Return| {
+        returning(now_s, &peers(&[(1, now_s, true)]), home).is_its_turn(&queue_since(1.0))
+    };
+    assert!(!is_its_turn(300.0, ordered()) && is_its_turn(301.1, ordered()));
+    assert!(!is_its_turn(60.0, low) && is_its_turn(61.1, low));
+}
+
+#[test]
 fn a_vehicle_that_has_stepped_back_waits_longer_unless_its_battery_is_low() {
     let peers = peers(&[(3, 100.0, true)]);
     let queue = ReturnQueue {

@@ -33,14 +33,6 @@ impl Tries {
         self.count.saturating_sub(AT_ONCE).min(WAIT_MAX)
     }
 
-    /// Counts that something stands so near to the vehicle that no way leads from its place.
-    pub(super) fn hemmed_in(&mut self, place: Point) {
-        *self = Tries {
-            at: place,
-            count: self.count + 1,
-        };
-    }
-
     /// Returns whether the vehicle has tried so often that it must give up what it is going for.
     pub(super) fn are_spent(&self) -> bool {
         self.count >= TRIES_MAX
@@ -75,12 +67,5 @@ mod tests {
         assert!(!moving.are_spent() && standing.are_spent());
         standing.clear();
         assert!(!standing.are_spent());
-    }
-
-    #[test]
-    fn being_hemmed_in_counts_wherever_it_is() {
-        let mut tries = Tries::default();
-        (0..16).for_each(|step| tries.hemmed_in(Point::new(f64::from(step), 0.0)));
-        assert!(tries.are_spent());
     }
 }

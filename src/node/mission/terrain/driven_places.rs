@@ -19,6 +19,8 @@ const LOOKED_BACK: usize = 200;
 const BESIDE_M: f64 = 0.25;
 /// Nearer than this to where it has driven a way leads over its track: track and way have corners, metres.
 const ON_TRACK_M: f64 = 0.4;
+/// Between places of the track that are farther apart nobody knows how it has come from one to the other, metres.
+const GAP_M: f64 = 2.0;
 /// A way is looked at in steps of this length, metres.
 const STEP_M: f64 = 0.1;
 
@@ -51,7 +53,7 @@ impl DrivenPlaces {
     /// Returns how far a route leads over places that the vehicle has driven, metres, and the first place beyond; `None` = all of
     /// it does.
     pub(super) fn leaves_track_at(&self, route: &[Point]) -> Option<(f64, Point)> {
-        let is_off = |at: &Point| !self.all.iter().any(|one| one.distance_to(*at) < ON_TRACK_M);
+        let is_off = |at: &Point| !self.is_on_track(*at);
         let mut start_m = 0.0;
         for pair in route.windows(2) {
             let length_m = Segment::new(pair[0], pair[1]).length_m();
@@ -65,6 +67,16 @@ impl DrivenPlaces {
             start_m += length_m;
         }
         None
+    }
+
+    /// Returns whether it has driven over a place; older places of the track lie farther apart than it is wide.
+    fn is_on_track(&self, at: Point) -> bool {
+        let is_near = |one: &Point| one.distance_to(at) < ON_TRACK_M;
+        let is_between = |pair: &[Point]| {
+            let piece = Segment::new(pair[0], pair[1]);
+            piece.length_m() <= GAP_M && piece.distance_to_point(at) < ON_TRACK_M
+        };
+        self.all.iter().any(is_near) || self.all.windows(2).any(is_between)
     }
 
     fn note_recent(&mut self, place: Point) {
@@ -81,10 +93,12 @@ impl DrivenPlaces {
             self.all.push(place);
         }
         if self.all.len() > ALL {
-            // The older half is kept in larger steps.
-            let old = ALL / 2;
-            let thinned: Vec<Point> = self.all[..old].iter().copied().step_by(2).collect();
-            self.all.splice(..old, thinned);
+            // The older ones are kept in larger steps, where they are in smaller ones first.
+            let old = ALL / 4 * 3;
+            let steps = (1..).map(|doubled| ALL_STEP_M * f64::from(1 << doubled));
+            let thinned = steps.map(|step_m| thinned(&self.all[..old], step_m));
+            let enough = thinned.take(8).find(|left| left.len() <= old / 4 * 3);
+            self.all.splice(..old, enough.unwrap_or_default());
         }
     }
 }
@@ -113,6 +127,18 @@ pub(super) fn back_over(
         }
     }
     None
+}
+
+/// Returns places of a track that are so far apart at least, metres.
+fn thinned(track: &[Point], step_m: f64) -> Vec<Point> {
+    let mut left: Vec<Point> = Vec::new();
+    for place in track {
+        // Steps are somewhat longer than they must be: two of them make one.
+        if is_new(left.last(), *place, 0.99 * step_m) {
+            left.push(*place);
+        }
+    }
+    left
 }
 
 fn is_new(last: Option<&Point>, place: Point, step_m: f64) -> bool {
@@ -220,5 +246,11 @@ mod tests {
         assert_eq!(all[0], Point::default());
         let gap_m = |index: usize| all[index].distance_to(all[index + 1]);
         assert!(gap_m(0) > 1.5 * gap_m(all.len() - 2));
+        let along = [Point::new(50.0, 0.1), Point::default()];
+        assert_eq!(places.leaves_track_at(&along), None, "it has driven there");
+        let mut jumped = driven(1.0);
+        jumped.note(Point::new(9.0, 0.0));
+        let across = [Point::new(9.0, 0.0), Point::new(1.0, 0.0)];
+        assert!(jumped.leaves_track_at(&across).is_some());
     }
 }

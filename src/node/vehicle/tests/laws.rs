@@ -291,7 +291,7 @@ impl Witness {
                     pose,
                     flight_state: Default::default(),
                     speed_mps,
-                    battery: 1.0,
+                    battery: Some(1.0),
                     motion,
                     is_armed,
                     stored: None,

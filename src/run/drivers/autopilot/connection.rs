@@ -90,6 +90,11 @@ impl Connection {
         })
     }
 
+    /// Returns whether the thread that reads it has ended.
+    pub(super) fn is_deaf(&self) -> bool {
+        self.reader.as_ref().is_some_and(JoinHandle::is_finished)
+    }
+
     /// Writes frames.
     ///
     /// # Errors
@@ -200,9 +205,28 @@ fn is_wait(error: &io::Error) -> bool {
 
 #[cfg(all(test, feature = "hw"))]
 mod tests {
+    use std::net::TcpListener;
+
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
     use super::*;
+
+    fn fail(_: FromConnection) {
+        panic!("as it shall");
+    }
+
+    #[test]
+    fn a_connection_whose_reader_has_ended_is_deaf() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint = MavlinkEndpoint::Tcp(listener.local_addr().unwrap().to_string());
+        let connection = Connection::open(&endpoint, 57_600, fail).unwrap();
+        let (mut stream, _) = listener.accept().unwrap();
+        assert!(!connection.is_deaf());
+        stream.write_all(b"word").unwrap();
+        while !connection.is_deaf() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
 
     #[test]
     fn a_serial_port_has_one_user_and_the_next_one_gets_it_when_that_has_ended() {

@@ -31,6 +31,7 @@ use crate::run::drivers::range::{AutopilotReadings, range_settings};
 use crate::run::drivers::reopening::Reopening;
 use crate::run::mailbox::lock;
 use crate::run::mavlink_port::signing_clock;
+use crate::store::{lost_thread, replace};
 use crate::time::Time;
 
 /// The thread sleeps no longer than this.
@@ -41,6 +42,8 @@ pub(super) const COMPANION: u8 = 191;
 const BYTES_OF_NO_FRAME: u64 = 2_000;
 /// The time of signatures is on disk so far ahead of what was said, and is written when that is half used.
 const TIME_AHEAD: u64 = 60 * PER_SECOND;
+/// A time of signatures that could not be written is tried again after this, in its units.
+const TIME_AGAIN: u64 = PER_SECOND;
 /// The link number in signatures of ours.
 const SIGNED_LINK: u8 = 1;
 
@@ -192,7 +195,7 @@ impl MavlinkAutopilot {
 
     /// Returns what is wrong, in words.
     pub(super) fn trouble(&self) -> Option<String> {
-        lock(&self.said).trouble.clone()
+        lost_thread(self.thread.as_ref()).or_else(|| lock(&self.said).trouble.clone())
     }
 
     /// Returns what the autopilot has said of its health; `None` before it was heard.
@@ -218,8 +221,15 @@ impl Work {
             self.keep_open(now);
             let opens_at = self.reopening.deadline().unwrap_or(Time::NEVER);
             let due = self.driver.deadline().min(opens_at);
+            let is_deaf = self.connection.as_ref().is_some_and(Connection::is_deaf);
             let inbound = match inbox.recv_timeout(due.since(now).min(NAP)) {
                 Ok(inbound) => Some(inbound),
+                // Whatever its reader has said, also of its end, was there before it ended.
+                Err(RecvTimeoutError::Timeout) if is_deaf => {
+                    let why = "the thread that reads it has ended".to_owned();
+                    let ended = FromConnection::Ended(why);
+                    Some(Inbound::Connection(self.number, ended))
+                }
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return,
             };
@@ -368,8 +378,12 @@ pub(super) fn no_frame(
 pub(super) struct StoredSigning {
     pub(super) signing: Signing,
     path: PathBuf,
-    /// The time on disk.
+    /// The time that is surely on disk.
     stored: u64,
+    /// A later one, and the thread that writes it.
+    writing: Option<(u64, JoinHandle<io::Result<()>>)>,
+    /// What could not be written is tried again then; 0 = it could.
+    again_at: u64,
 }
 
 impl StoredSigning {
@@ -398,21 +412,111 @@ impl StoredSigning {
             signing,
             path,
             stored,
+            writing: None,
+            again_at: 0,
         };
         signing.keep_ahead();
         Ok(Some(signing))
     }
 
-    /// Sees to it that the time on disk is ahead of what is said: after a crash nothing is said twice.
+    /// Sees to it that the time on disk is ahead of what is said: after a crash nothing is said twice. As long as it is ahead
+    /// the next one is written beside: a vehicle whose driver waits for a disk brakes.
     pub(super) fn keep_ahead(&mut self) {
         self.signing.tick(signing_clock());
+        let written = self.writing.take_if(|(_, writer)| writer.is_finished());
+        self.take_written(written);
         let time = self.signing.time();
-        if time + TIME_AHEAD / 2 < self.stored {
+        if time + TIME_AHEAD / 2 < self.stored || time < self.again_at {
             return;
         }
-        self.stored = time + TIME_AHEAD;
-        if let Err(error) = std::fs::write(&self.path, format!("{}\n", self.stored)) {
-            tracing::warn!("{}: {error}", self.path.display());
+        let (ahead, path) = (time + TIME_AHEAD, self.path.clone());
+        if time >= self.stored {
+            // It begins, or the machine's clock was set. No two write under one name.
+            let written = self.writing.take();
+            self.take_written(written);
+            let written = replace(&path, &format!("{ahead}\n"));
+            return self.note(ahead, written);
         }
+        if self.writing.is_none() {
+            let writer = std::thread::Builder::new()
+                .name("autopilot time".to_owned())
+                .spawn(move || replace(&path, &format!("{ahead}\n")));
+            match writer {
+                Ok(writer) => self.writing = Some((ahead, writer)),
+                Err(error) => self.note(ahead, Err(error)),
+            }
+        }
+    }
+
+    /// Waits for a thread that has written, and notes what became of it.
+    fn take_written(&mut self, written: Option<(u64, JoinHandle<io::Result<()>>)>) {
+        if let Some((ahead, writer)) = written {
+            let ended = || Err(io::Error::other("its thread has ended"));
+            let written = writer.join().unwrap_or_else(|_| ended());
+            self.note(ahead, written);
+        }
+    }
+
+    /// Notes whether a time is on disk.
+    fn note(&mut self, ahead: u64, written: io::Result<()>) {
+        match written {
+            Ok(()) => (self.stored, self.again_at) = (ahead, 0),
+            Err(error) => {
+                if self.again_at == 0 {
+                    tracing::warn!("{}: {error}", self.path.display());
+                }
+                self.again_at = self.signing.time() + TIME_AGAIN;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_autopilot_whose_thread_has_ended_is_in_trouble() {
+        let autopilot = MavlinkAutopilot {
+            inbox: channel().0,
+            said: Arc::default(),
+            thread: Some(std::thread::spawn(|| {})),
+        };
+        while autopilot.trouble().is_none() {
+            std::thread::yield_now();
+        }
+        let trouble = autopilot.trouble().unwrap();
+        assert!(trouble.contains("its thread has ended"), "{trouble}");
+    }
+
+    #[test]
+    fn a_time_of_signatures_counts_as_stored_only_when_it_is_on_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let (key, path) = (
+            folder.path().join("key"),
+            folder.path().join("mavlink-time"),
+        );
+        std::fs::write(&key, "a5".repeat(32)).unwrap();
+        let in_the_way = folder.path().join("mavlink-time.new");
+        std::fs::create_dir(&in_the_way).unwrap();
+        let open = || StoredSigning::open(&key.display().to_string(), folder.path());
+        let mut signing = open().unwrap().unwrap();
+        assert_eq!(signing.stored, 0);
+        assert!(!path.exists() && signing.again_at > signing.signing.time());
+        std::fs::remove_dir(&in_the_way).unwrap();
+        let on_disk = || std::fs::read_to_string(&path).unwrap_or_default();
+        signing.again_at = signing.signing.time();
+        signing.keep_ahead();
+        assert!(signing.stored > signing.signing.time());
+        assert_eq!(on_disk(), format!("{}\n", signing.stored));
+        // What is still ahead is written beside, and counts when it is there.
+        let before = signing.signing.time() + TIME_AHEAD / 4;
+        signing.stored = before;
+        while signing.stored == before {
+            signing.keep_ahead();
+        }
+        assert_eq!(on_disk(), format!("{}\n", signing.stored));
+        assert!(signing.stored > before && !in_the_way.exists());
+        assert!(open().unwrap().unwrap().signing.time() > before);
     }
 }

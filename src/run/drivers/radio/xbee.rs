@@ -24,6 +24,7 @@ use crate::run::clock::Clock;
 use crate::run::drivers::reopening::Reopening;
 use crate::run::drivers::serial_port::{in_words, open};
 use crate::run::mailbox::lock;
+use crate::store::lost_thread;
 use crate::time::Time;
 
 /// A reader looks this often whether it shall end.
@@ -119,7 +120,7 @@ impl XbeeRadio {
 
     /// Returns what is wrong, in words.
     pub(super) fn trouble(&self) -> Option<String> {
-        lock(&self.status).trouble.clone()
+        lost_thread(self.thread.as_ref()).or_else(|| lock(&self.status).trouble.clone())
     }
 
     /// Returns what it has done.
@@ -147,8 +148,14 @@ impl Work {
             self.carry_out(now, out);
             let due = self.reopening.deadline().or_else(|| self.modem.deadline());
             let due = due.unwrap_or(Time::NEVER);
+            let is_deaf = self.open.as_ref().is_some_and(OpenPort::is_deaf);
             let inbound = match inbox.recv_timeout(due.since(now).min(NAP)) {
                 Ok(inbound) => Some(inbound),
+                // Whatever its reader has said, also of its end, was there before it ended.
+                Err(RecvTimeoutError::Timeout) if is_deaf => {
+                    let why = io::Error::other("the thread that reads it has ended");
+                    Some(Inbound::Port(self.number, Err(why)))
+                }
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return,
             };
@@ -252,6 +259,11 @@ impl OpenPort {
             is_closed,
             reader: Some(reader),
         })
+    }
+
+    /// Returns whether the thread that reads it has ended.
+    fn is_deaf(&self) -> bool {
+        self.reader.as_ref().is_some_and(JoinHandle::is_finished)
     }
 }
 
