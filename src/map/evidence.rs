@@ -33,7 +33,6 @@ mod reading;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LayerId, TileAddress};
 
-use self::cell_memory::CellMemory;
 use self::cone::Cone;
 use self::echoes::{Echo, cell_of_part, index_of_part};
 use self::own_memory::{CellKey, OwnMemory};
@@ -421,32 +420,15 @@ impl Mapper {
         (arc[assigned.best], assigned.also.map(|index| arc[index]))
     }
 
-    /// What was seen empty from far less near than the echo of the arc that was followed came counts no more: of the cells that it
-    /// meets, and of their parts on it.
+    /// What was seen empty from far less near than the echo of the arc that was followed came counts no more.
     fn take_far_looks_back(&mut self, range_cm: u16) {
         let near_cm = self.near_cm(range_cm);
-        let Scratch {
-            arc,
-            keys,
-            touched,
-            cleared,
-            ..
-        } = &mut self.scratch;
-        let is_doubted =
-            |memory: &CellMemory| !memory.is_excluded(near_cm) && memory.is_seen_from_afar(near_cm);
-        for (part, key) in arc.iter().zip(keys.iter()) {
-            let Some(key) = key else { continue };
-            let memory = self.memory.cell_mut(*key);
-            if is_doubted(memory) {
-                memory.reopen_part(index_of_part(*part));
-            }
-        }
+        let Scratch { keys, touched, .. } = &mut self.scratch;
         for key in keys.iter().flatten() {
             let memory = self.memory.cell_mut(*key);
-            if is_doubted(memory) {
+            if !memory.is_excluded(near_cm) && memory.is_seen_from_afar(near_cm) {
                 memory.forget_looks();
                 touched.push(*key);
-                cleared.push(key.tile);
             }
         }
     }

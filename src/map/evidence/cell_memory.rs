@@ -166,14 +166,9 @@ impl CellMemory {
         is_contradiction
     }
 
-    /// Forgets that it was seen empty; what is known of its parts stays.
+    /// Forgets that it was seen empty.
     pub(super) fn forget_looks(&mut self) {
         (self.looks, self.near_cm) = (0, [NEVER; 4]);
-    }
-
-    /// Forgets that a part was seen empty.
-    pub(super) fn reopen_part(&mut self, part: usize) {
-        self.parts &= !(1 << part);
     }
 
     /// Counts an arc that passes through a part.
