@@ -47,7 +47,7 @@ pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
 pub use imaged_links::{Coverage, DIRECTIONS, ImagedLink, coverage, deviation_of};
 pub use imager::{Extras, Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
-pub use link::Link;
+pub use link::{Link, floor_dbm};
 pub use links_csv::{LINKS_HEADER, MISSED_POWER, links_csv};
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 pub use npy::{npy_bytes, npy_of};

@@ -100,8 +100,6 @@ pub(super) struct Export {
     starts: Vec<Provenance>,
     venue: Venue,
     venue_text: String,
-    /// The side of the bins in which links are pooled, metres.
-    bin_m: f64,
 }
 
 /// What is gathered of all runs.
@@ -121,15 +119,25 @@ impl Export {
         let runs = chosen(path, run, store.runs()?)?;
         let starts = store.provenance()?;
         let (venue, venue_text) = venue_of(path, &starts)?;
-        let bin_m = starts.first().and_then(bin_of).unwrap_or(BIN_M);
         Ok(Export {
             store,
             runs,
             starts,
             venue,
             venue_text,
-            bin_m,
         })
+    }
+
+    /// Returns the side of the bins in which the ground station pooled the links of a run, metres: by its file at the start in
+    /// which the run began.
+    fn bin_m(&self, run: RunId) -> f64 {
+        let stored = self.runs.iter().find(|stored| stored.run == run);
+        let is_before = |start: &&Provenance| {
+            stored.is_none_or(|stored| start.started_utc_s <= stored.began_utc_s)
+        };
+        // The newest stand first.
+        let start = self.starts.iter().find(is_before).or(self.starts.last());
+        start.and_then(bin_of).unwrap_or(BIN_M)
     }
 
     /// Writes all files that are wanted; returns what there is to say of the runs.
@@ -198,7 +206,8 @@ impl Export {
         }
         let origin = self.origin(Some(run));
         let mut text = format!("# {origin}\n{SAMPLES_HEADER}\n");
-        let mut bins = LinkBins::new(self.bin_m, SPOT_M);
+        let bin_m = self.bin_m(run);
+        let mut bins = LinkBins::new(bin_m, SPOT_M);
         let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
         let mut count = 0;
         self.store.each_sample(Some(run), |stored| {
@@ -227,7 +236,6 @@ impl Export {
         }
         if has_links {
             let links = links_csv(&bins.measured_links(), None);
-            let bin_m = self.bin_m;
             let text = format!("# {origin}, in squares of {bin_m} m\n{links}");
             target.write(&names[1], text.as_bytes())?;
         }

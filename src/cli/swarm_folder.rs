@@ -66,7 +66,8 @@ impl Swarm {
             roster,
             _lock: lock,
         };
-        swarm.hand_out(&swarm.roster, &signed)?;
+        // What cannot be brought to a folder now keeps nobody from signing: the next issue is brought there again.
+        let _ = swarm.hand_out(&swarm.roster, &signed);
         Ok(swarm)
     }
 
@@ -141,9 +142,12 @@ impl Swarm {
             let held = read_limited(&folder.join(ROSTER));
             folder.is_dir() && held.ok().as_deref() != Some(text)
         };
-        folders
+        // All are tried, whichever fails.
+        let handed: Vec<Result<(), CliError>> = folders
             .filter(has_other)
-            .try_for_each(|folder| replace_roster(&folder, text))
+            .map(|folder| replace_roster(&folder, text))
+            .collect();
+        handed.into_iter().collect()
     }
 
     /// Moves the folder of a node's former certificate aside; nothing is ever deleted.

@@ -20,7 +20,7 @@ use crate::draw::{DrawError, HeatMap, Picture, described};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
     DropReason, DroppedLinks, ImagingSettings, Link, MOST_VOLUME_LINKS, MOST_VOXELS, NoiseModel,
-    Volume, VolumeLink, VolumePrior, VoxelGrid, reconstruct_volume,
+    Volume, VolumeLink, VolumePrior, VoxelGrid, floor_dbm, reconstruct_volume,
 };
 
 /// Voxels along the longer side, unless it is said.
@@ -192,9 +192,11 @@ fn calibrated(now: &Recording, empty: &Recording) -> (Vec<VolumeLink>, DroppedLi
     let sensitivity_dbm = recorded.map_or(usual_dbm, |file| file.reception.sensitivity_dbm);
     let ((now, _), (empty, partners)) = (pooled(now), pooled(empty));
     let (mut links, mut dropped) = (Vec::new(), DroppedLinks::new());
+    let all = now.iter().chain(&empty).map(|one| &one.link);
+    let floor_dbm = floor_dbm(all, sensitivity_dbm);
     for one in &now {
         let partner = partners.get(&one.key).map(|index| &empty[*index]);
-        match lost(one, partner, sensitivity_dbm) {
+        match lost(one, partner, floor_dbm) {
             Ok(link) => links.push(link),
             Err(reason) => *dropped.entry(reason).or_default() += 1,
         }
@@ -202,14 +204,9 @@ fn calibrated(now: &Recording, empty: &Recording) -> (Vec<VolumeLink>, DroppedLi
     (links, dropped)
 }
 
-/// Returns what a link has lost, as an image of pixels takes it: misses count at the receiver's sensitivity where there are
-/// many.
-fn lost(
-    now: &Pooled,
-    partner: Option<&Pooled>,
-    sensitivity_dbm: f64,
-) -> Result<VolumeLink, DropReason> {
-    let strength_dbm = |one: &Pooled| one.link.censored_mean_dbm(sensitivity_dbm);
+/// Returns what a link has lost, as an image of pixels takes it: misses count at the receiver's floor where there are many.
+fn lost(now: &Pooled, partner: Option<&Pooled>, floor_dbm: f64) -> Result<VolumeLink, DropReason> {
+    let strength_dbm = |one: &Pooled| one.link.censored_mean_dbm(floor_dbm);
     let now_dbm = strength_dbm(now).ok_or(DropReason::NeverHeard)?;
     let partner = partner.ok_or(DropReason::NoEmptyPartner)?;
     let empty_dbm = strength_dbm(partner).ok_or(DropReason::NoEmptyPartner)?;

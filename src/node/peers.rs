@@ -85,6 +85,11 @@ impl Peer {
         now.since(self.heard_at) > SILENT_AFTER
     }
 
+    /// Returns whether it said that it is on its way home.
+    pub(super) fn goes_home(&self) -> bool {
+        self.goal.is_some_and(|goal| !goal.is_of_mission)
+    }
+
     /// Returns whether it is an obstacle that does not move: it rests, or nothing is heard of it.
     pub(super) fn stands(&self, now: Time) -> bool {
         self.resting || self.is_silent(now)

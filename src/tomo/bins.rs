@@ -354,6 +354,7 @@ mod tests {
     use tomoswarm_proto::{PoseReport, Position};
 
     use super::*;
+    use crate::tomo::floor_dbm;
 
     const DEVICES: Devices = Devices {
         transmitter: VehicleId(1),
@@ -421,10 +422,10 @@ mod tests {
                     "{now:?}"
                 );
                 assert_eq!((now.packets, now.misses), (empty.packets, empty.misses));
-                // What was not heard with more power is weaker.
-                let floor = (empty.packets == 0).then_some(-95.0 - f64::from(power_dbm));
-                let heard = (empty.packets > 0).then_some(empty.mean_dbm);
-                assert_eq!(now.censored_mean_dbm(-95.0), heard.or(floor), "{now:?}");
+                // What was heard neither before nor now has not changed.
+                let floor_dbm = floor_dbm([now, empty].into_iter(), -95.0);
+                let [was, is] = [empty, now].map(|link| link.censored_mean_dbm(floor_dbm));
+                assert_eq!(was, is, "{now:?}");
             }
         }
     }

@@ -14,6 +14,7 @@ use crate::geom::{Point, Rect};
 use super::Link;
 use super::bins::BinKey;
 use super::kriging::{Level, LevelField};
+use super::link::floor_dbm;
 use super::path_loss::{ExponentPrior, PathLoss, spread_db};
 use super::settings::{ImagingSettings, NoiseModel};
 
@@ -83,6 +84,13 @@ pub struct Calibrated {
 
 /// Calibrates the links `now` by an empty sweep, or without one by the path loss of the sweep itself.
 pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSettings) -> Calibrated {
+    let all = now.iter().chain(empty.unwrap_or_default());
+    let sensitivity_dbm = floor_dbm(all, settings.noise.sensitivity_dbm);
+    let noise = NoiseModel {
+        sensitivity_dbm,
+        ..settings.noise
+    };
+    let settings = &ImagingSettings { noise, ..*settings };
     let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
     let sweep = empty.map(|links| EmptySweep::of(links, settings, path_loss));
     let mut calibrated = Calibrated {

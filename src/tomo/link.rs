@@ -28,8 +28,7 @@ pub struct Link {
     pub mean_dbm: f64,
     /// Standard deviation of a single packet about the mean, dB; 0 when unknown.
     pub spread_db: f64,
-    /// Mean transmit power of the packets that were not heard, dBm: for these the receiver's floor lies so much lower. 0 when
-    /// all were heard.
+    /// Mean transmit power of the packets that were not heard, dBm; 0 when all were heard. See [`floor_dbm`].
     pub missed_power_dbm: f64,
 }
 
@@ -140,15 +139,13 @@ impl Link {
         self.misses >= self.packets.max(FEWEST_MISSES)
     }
 
-    /// Returns the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known. For a
-    /// packet that was sent with more than 0 dBm that lies lower by as much.
+    /// Returns the mean strength with misses counted at the receiver's floor ([`floor_dbm`]), dBm; `None` when nothing is known.
     ///
     /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
-    /// at least as many misses as packets, each counts as one packet at the sensitivity, which bounds the
+    /// at least as many misses as packets, each counts as one packet at the floor, which bounds the
     /// attenuation from below. A link that was never heard needs three misses to count.
-    pub fn censored_mean_dbm(&self, sensitivity_dbm: f64) -> Option<f64> {
+    pub fn censored_mean_dbm(&self, floor_dbm: f64) -> Option<f64> {
         let (heard, missed) = (f64::from(self.packets), f64::from(self.misses));
-        let floor_dbm = sensitivity_dbm - self.missed_power_dbm;
         if self.packets == 0 {
             return (self.misses >= FEWEST_MISSES).then_some(floor_dbm);
         }
@@ -157,6 +154,15 @@ impl Link {
         }
         Some((heard * self.mean_dbm + missed * floor_dbm.min(self.mean_dbm)) / (heard + missed))
     }
+}
+
+/// Returns the strength below which nothing of some links that are compared is heard, dBm: a receiver's sensitivity, for the least
+/// power with which a packet was sent that was missed. One floor for all, since a floor for each power would show a change
+/// where nothing was heard, before and now.
+pub fn floor_dbm<'a>(links: impl Iterator<Item = &'a Link>, sensitivity_dbm: f64) -> f64 {
+    let silent = links.filter(|link| link.is_at_floor());
+    let least_dbm = silent.map(|link| link.missed_power_dbm).reduce(f64::min);
+    sensitivity_dbm - least_dbm.unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -207,12 +213,16 @@ mod tests {
         let of = |power_dbm, rssi_dbm| Link::of_packet(here, there, power_dbm, rssi_dbm);
         assert_eq!(of(8.0, Some(-52.0)), of(0.0, Some(-60.0)));
         assert_eq!(of(-10.0, Some(-70.0)), of(0.0, Some(-60.0)));
-        // Of three packets that were sent with 5, 5 and 8 dBm the floor lies 6 dB lower.
+        // Of three packets that were sent with 5, 5 and 8 dBm the floor lies 6 dB lower, beside others of 0 dBm it does not.
         let missed = of(5.0, None).pooled(&of(5.0, None)).pooled(&of(8.0, None));
-        assert_eq!(
-            (missed.misses, missed.censored_mean_dbm(-95.0)),
-            (3, Some(-101.0))
-        );
+        let alone_dbm = floor_dbm([&missed].into_iter(), -95.0);
+        let silent = Link {
+            misses: 4,
+            ..Link::fixed(here, there, 0, f64::NAN)
+        };
+        assert_eq!((missed.misses, alone_dbm), (3, -101.0));
+        assert_eq!(floor_dbm([&missed, &silent].into_iter(), -95.0), -95.0);
+        assert_eq!(missed.censored_mean_dbm(alone_dbm), Some(-101.0));
     }
 
     #[test]

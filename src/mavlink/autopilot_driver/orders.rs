@@ -40,6 +40,8 @@ const FORCE: f32 = 21_196.0;
 pub(super) struct Orders {
     /// Numbers of commands that wait for their answers, by the commands' own.
     waiting: BTreeMap<u32, Waiting>,
+    /// Speeds of drives that were said and not answered yet, at most.
+    unanswered_speeds: u8,
     drive: Option<Drive>,
     upload: Option<Upload>,
 }
@@ -67,6 +69,8 @@ struct Drive {
 struct WantedSpeed {
     mps: f64,
     times: u8,
+    /// So many answers are about drives before it.
+    of_others: u8,
 }
 
 impl Orders {
@@ -280,7 +284,11 @@ impl Orders {
         let drive = Drive {
             corners: corners.iter().copied().collect(),
             altitude_m,
-            speed: speed_mps.map(|mps| WantedSpeed { mps, times: 0 }),
+            speed: speed_mps.map(|mps| WantedSpeed {
+                mps,
+                times: 0,
+                of_others: self.unanswered_speeds,
+            }),
             due: now + TARGET_AGAIN,
         };
         drive.say(target, settings, out);
@@ -295,7 +303,7 @@ impl Orders {
             return;
         };
         wanted.times = wanted.times.saturating_add(1);
-        let WantedSpeed { mps, times } = *wanted;
+        let WantedSpeed { mps, times, .. } = *wanted;
         if times == SPEED_TRIES {
             text(
                 out,
@@ -303,6 +311,7 @@ impl Orders {
                 true,
             );
         }
+        self.unanswered_speeds = self.unanswered_speeds.saturating_add(1);
         let (command, parameters) = speed(mps);
         // No command waits for that answer: the drive itself is what is asked for.
         self.say_long(0, command, parameters, target, out);
@@ -397,16 +406,26 @@ impl Orders {
             | MavResult::MAV_RESULT_COMMAND_INT_ONLY
             | MavResult::MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME => CommandAck::Unsupported,
         };
+        if ack.command == MavCmd::MAV_CMD_DO_CHANGE_SPEED {
+            self.answer_speed(result);
+        }
         let Some(waiting) = self.waiting.remove(&(ack.command as u32)) else {
             return;
         };
-        let is_of_speed = waiting.number == 0 && ack.command == MavCmd::MAV_CMD_DO_CHANGE_SPEED;
-        if is_of_speed && result == CommandAck::Accepted {
-            self.drive.iter_mut().for_each(|drive| drive.speed = None);
-        }
         let is_refused = waiting.is_arming && result != CommandAck::Accepted;
         let refusal = is_refused.then(|| explained.map(refusal_of)).flatten();
         answer(waiting.number, result, refusal, out);
+    }
+
+    /// Takes the answer to a speed: answers come in the order in which speeds were said, as far as none is lost.
+    fn answer_speed(&mut self, result: CommandAck) {
+        self.unanswered_speeds = self.unanswered_speeds.saturating_sub(1);
+        let Some(drive) = &mut self.drive else { return };
+        match &mut drive.speed {
+            Some(speed) if speed.of_others > 0 => speed.of_others -= 1,
+            Some(_) if result == CommandAck::Accepted => drive.speed = None,
+            Some(_) | None => {}
+        }
     }
 
     /// Returns when something is to be said next.

@@ -22,7 +22,7 @@ const QUIET: Duration = Duration::from_secs(2);
 const HIGHER_WITHIN: Duration = Duration::from_secs(60);
 /// The same for a vehicle that has stepped back into the line: now they drive home.
 const LATER_HIGHER_WITHIN: Duration = Duration::from_secs(180);
-/// Lower ids are waited for no longer than this, whatever they drive for: they may be on missions that never end.
+/// Lower ids that are not on their way home are waited for no longer than this: their missions may never end.
 const LOWER_WITHIN: Duration = Duration::from_secs(300);
 /// After a try in vain to get home, the next one follows no earlier than this.
 const TRY_AGAIN: Duration = Duration::from_secs(3);
@@ -55,21 +55,23 @@ pub(super) enum ReturnDecision {
 
 impl Returning<'_> {
     /// Returns whether a vehicle in the queue may drive: all lower ids have been at rest, longer the more there are, and the
-    /// higher ones stand; or it has waited long enough for those that do not.
+    /// higher ones stand; or it has waited long enough for those that do not. Lower ones that drive home go first in any case.
     pub(super) fn is_its_turn(&self, queue: &ReturnQueue) -> bool {
         let quiet = QUIET * self.lower().count() as u32;
         let mut higher = self.peers.iter().filter(|(id, _)| *id > self.own);
         let higher_stand = higher.all(|(_, peer)| peer.stands(self.now));
-        let mut lower = self.lower();
-        let lower_are_quiet = lower.all(|peer| peer.is_quiet(self.now, queue.since, quiet));
         let (lower_within, higher_within) = match (self.is_battery_low(), queue.has_stepped_back) {
             (true, _) => (HIGHER_WITHIN, HIGHER_WITHIN),
             (false, true) => (LOWER_WITHIN, LATER_HIGHER_WITHIN),
             (false, false) => (LOWER_WITHIN, HIGHER_WITHIN),
         };
         let has_waited = |within: Duration| self.now.since(queue.since) > within;
+        let lets_go = |peer: &Peer| {
+            let is_endless = has_waited(lower_within) && !peer.goes_home();
+            is_endless || peer.is_quiet(self.now, queue.since, quiet)
+        };
         queue.try_at <= self.now
-            && (lower_are_quiet || has_waited(lower_within))
+            && self.lower().all(lets_go)
             && (higher_stand || has_waited(higher_within))
     }
 

@@ -148,9 +148,7 @@ impl Behaviour for Seek {
                 Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
             ) => {
                 if at.is_some() {
-                    let seen = self.seen_by_look(around.terrain, from, toward);
-                    let cells: Vec<Cell> = seen.into_iter().chain(at).collect();
-                    self.looks.note(&cells, from);
+                    self.note_look(around.terrain, from, toward, at);
                 }
                 MissionStep::Think
             }
@@ -190,8 +188,7 @@ impl Behaviour for Seek {
             else {
                 continue;
             };
-            let seen = self.seen_by_look(around.terrain, from, toward);
-            self.looks.note_of_peer(&seen, from);
+            self.note_look(around.terrain, from, toward, None);
             if let Some(at) = closely {
                 let search = around.terrain.search(around.now, around.pose);
                 self.doubts.note_peers(&search, at, from);
@@ -377,8 +374,8 @@ impl Seek {
         candidates
     }
 
-    /// Returns the cells beside unknown ground that a look from a place along a heading has covered.
-    fn seen_by_look(&mut self, terrain: &Terrain, from: Point, heading: Angle) -> Vec<Cell> {
+    /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
+    fn note_look(&mut self, terrain: &Terrain, from: Point, heading: Angle, at: Option<Cell>) {
         let look = &self.settings.look;
         let widest_rad = look
             .beams
@@ -389,7 +386,7 @@ impl Seek {
         let reach_m = look.sure_range_m;
         let lattice = self.settings.lattice;
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else {
-            return Vec::new();
+            return;
         };
         self.frontiers.update(terrain.map(), &self.settings);
         let view = terrain.map().view(self.settings.slice, area);
@@ -400,8 +397,13 @@ impl Seek {
                 && off.radians().abs() <= half_rad
                 && sees(&occupancy, lattice, from, one.at)
         };
-        let covered = self.candidates().into_iter().filter(is_covered);
-        covered.map(|one| one.cell).collect()
+        let covered = self
+            .candidates()
+            .into_iter()
+            .filter(is_covered)
+            .map(|one| one.cell);
+        let cells: Vec<Cell> = covered.chain(at).collect();
+        self.looks.note(&cells, from);
     }
 }
 

@@ -90,6 +90,18 @@ fn lower_ids_that_never_rest_are_waited_for_for_a_while_shorter_with_a_low_batte
     };
     assert!(!is_its_turn(300.0, ordered()) && is_its_turn(301.1, ordered()));
     assert!(!is_its_turn(60.0, low) && is_its_turn(61.1, low));
+    let mut homeward = peers(&[(1, 400.0, true)]);
+    homeward.note_goal(&tomoswarm_proto::MissionProgress {
+        vehicle: VehicleId(1),
+        boot: state(1, 1.0, 5.0).boot,
+        phase: tomoswarm_proto::MissionPhase::Returning,
+        goal: Some(tomoswarm_proto::Position::default()),
+        ..tomoswarm_proto::MissionProgress::default()
+    });
+    for home in [ordered(), low] {
+        let waits = !returning(400.0, &homeward, home).is_its_turn(&queue_since(1.0));
+        assert!(waits, "one that drives home goes first");
+    }
 }
 
 #[test]

@@ -19,7 +19,8 @@ const LOOKED_BACK: usize = 200;
 const BESIDE_M: f64 = 0.25;
 /// Nearer than this to where it has driven a way leads over its track: track and way have corners, metres.
 const ON_TRACK_M: f64 = 0.4;
-/// Between places of the track that are farther apart nobody knows how it has come from one to the other, metres.
+/// Between places of the track that are farther apart, and than the oldest ones are, nobody knows how it has come from one to
+/// the other, metres.
 const GAP_M: f64 = 2.0;
 /// A way is looked at in steps of this length, metres.
 const STEP_M: f64 = 0.1;
@@ -72,9 +73,12 @@ impl DrivenPlaces {
     /// Returns whether it has driven over a place; older places of the track lie farther apart than it is wide.
     fn is_on_track(&self, at: Point) -> bool {
         let is_near = |one: &Point| one.distance_to(at) < ON_TRACK_M;
+        // The oldest places are the farthest apart.
+        let oldest = self.all.windows(2).next();
+        let gap_m = oldest.map_or(0.0, |pair| 1.5 * pair[0].distance_to(pair[1]));
         let is_between = |pair: &[Point]| {
             let piece = Segment::new(pair[0], pair[1]);
-            piece.length_m() <= GAP_M && piece.distance_to_point(at) < ON_TRACK_M
+            piece.length_m() <= gap_m.max(GAP_M) && piece.distance_to_point(at) < ON_TRACK_M
         };
         self.all.iter().any(is_near) || self.all.windows(2).any(is_between)
     }
@@ -248,6 +252,8 @@ mod tests {
         assert!(gap_m(0) > 1.5 * gap_m(all.len() - 2));
         let along = [Point::new(50.0, 0.1), Point::default()];
         assert_eq!(places.leaves_track_at(&along), None, "it has driven there");
+        let far = driven(20_000.0);
+        assert_eq!(far.leaves_track_at(&along), None, "nor after 20 km");
         let mut jumped = driven(1.0);
         jumped.note(Point::new(9.0, 0.0));
         let across = [Point::new(9.0, 0.0), Point::new(1.0, 0.0)];

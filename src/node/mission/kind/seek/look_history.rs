@@ -7,9 +7,6 @@ use crate::geom::{Cell, Lattice, Point};
 
 /// Side of a part, metres.
 const PART_M: f64 = 0.6;
-/// Looks of peers from places nearer than this to others are none of their own, metres: who looks closely rests several times
-/// on one spot.
-const SAME_PLACE_M: f64 = 0.5;
 
 /// How thoroughly what is unknown is looked at: first what promises much, in few looks; when nothing of that is left, the rest.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -33,7 +30,7 @@ impl Rigour {
     fn apart_m(self) -> f64 {
         match self {
             Rigour::Quick => 0.8,
-            Rigour::Thorough => SAME_PLACE_M,
+            Rigour::Thorough => 0.5,
         }
     }
 
@@ -74,39 +71,15 @@ impl LookHistory {
 
     /// Notes a look at cells from a place; each part that holds some of them was looked at once.
     pub(super) fn note(&mut self, cells: &[Cell], from: Point) {
-        for part in self.parts_of(cells) {
-            self.places(part).push(from);
-        }
-    }
-
-    /// Notes the same of a peer: from a place from where a part was looked at before it counts no more.
-    pub(super) fn note_of_peer(&mut self, cells: &[Cell], from: Point) {
-        let is_here = |place: &Point| place.distance_to(from) < SAME_PLACE_M;
-        for part in self.parts_of(cells) {
-            let places = self.places(part);
-            if !places.iter().any(is_here) {
-                places.push(from);
-            }
-        }
-    }
-
-    fn parts_of(&self, cells: &[Cell]) -> Vec<(i32, i32)> {
         let mut parts: Vec<(i32, i32)> = cells.iter().map(|cell| self.part(*cell)).collect();
         parts.sort_unstable();
         parts.dedup();
-        parts
-    }
-
-    /// Returns from where a part was looked at, to be added to.
-    fn places(&mut self, part: (i32, i32)) -> &mut Vec<Point> {
-        let index = match self.from.binary_search_by_key(&part, |(known, _)| *known) {
-            Ok(index) => index,
-            Err(index) => {
-                self.from.insert(index, (part, Vec::new()));
-                index
+        for part in parts {
+            match self.from.binary_search_by_key(&part, |(known, _)| *known) {
+                Ok(index) => self.from[index].1.push(from),
+                Err(index) => self.from.insert(index, (part, vec![from])),
             }
-        };
-        &mut self.from[index].1
+        }
     }
 
     /// Returns whether a cell was looked at often enough.
@@ -149,12 +122,6 @@ mod tests {
                 assert!(!is_new(&looks, beside, x_m), "it belongs to the same part");
             }
             assert!(looks.is_spent(cell, rigour) && looks.is_spent(beside, rigour));
-            let mut on_one_spot = LookHistory::new(Lattice::new(0.2));
-            (0..9).for_each(|_| on_one_spot.note_of_peer(&[cell], Point::default()));
-            assert!(
-                !on_one_spot.is_spent(cell, rigour),
-                "it was seen from there only"
-            );
             assert!(!looks.is_spent(far, rigour) && is_new(&looks, far, 0.0));
         }
     }
