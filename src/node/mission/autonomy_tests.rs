@@ -374,6 +374,17 @@ fn what_sends_a_vehicle_home_by_itself_ends_a_mission_of_its_own() {
     assert_eq!(end(&mission), Some(EndReason::BusLost));
 }
 
+/// The task of vehicle 1 to explore in the run in which it was started.
+fn exploration(mission: &Mission) -> In {
+    In::Task(Task {
+        lease: Lease::default(),
+        run: mission.assignment.run(),
+        members: vec![VehicleId(1)],
+        compare_with: None,
+        kind: tomoswarm_proto::TaskKind::Explore,
+    })
+}
+
 #[test]
 fn a_task_that_comes_after_a_vehicle_has_gone_home_by_itself_ends_with_that_reason() {
     let mut mission = Mission::new(settings(1));
@@ -386,14 +397,8 @@ fn a_task_that_comes_after_a_vehicle_has_gone_home_by_itself_ends_with_that_reas
     };
     fed(&mut mission, 2.0, In::State(low));
     assert_eq!(mission.goal.cause(), Some(AutonomyCause::BatteryLow));
-    let task = Task {
-        lease: Lease::default(),
-        run: mission.assignment.run(),
-        members: vec![VehicleId(1)],
-        compare_with: None,
-        kind: tomoswarm_proto::TaskKind::Explore,
-    };
-    let out = fed(&mut mission, 3.0, In::Task(task));
+    let task = exploration(&mission);
+    let out = fed(&mut mission, 3.0, task);
     assert!(
         has(&out, MissionEvent::Ended(EndReason::BatteryLow)),
         "{out:?}"
@@ -414,14 +419,8 @@ fn a_task_that_comes_while_a_vehicle_drives_home_leaves_it_on_its_way() {
     };
     fed(&mut mission, 2.0, In::State(low));
     assert!(mission.goal.drives_home(), "{:?}", mission.goal);
-    let task = Task {
-        lease: Lease::default(),
-        run: mission.assignment.run(),
-        members: vec![VehicleId(1)],
-        compare_with: None,
-        kind: tomoswarm_proto::TaskKind::Explore,
-    };
-    let out = fed(&mut mission, 3.0, In::Task(task));
+    let task = exploration(&mission);
+    let out = fed(&mut mission, 3.0, task);
     assert!(!has(&out, MissionEvent::Home), "{out:?}");
     assert!(mission.goal.drives_home(), "{:?}", mission.goal);
 }
