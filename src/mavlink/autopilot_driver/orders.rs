@@ -30,6 +30,8 @@ const TARGET_AGAIN: Duration = Duration::from_millis(500);
 const PASSED_M: f64 = 0.25;
 /// The last corner is reached when it is this near and the vehicle stands, metres.
 const REACHED_M: f64 = 0.1;
+/// So many answers to speeds may be on their way at most, said with a target each: the others were lost.
+const SPEEDS_UNDER_WAY: u8 = 4;
 /// A speed that is not taken for so many targets is warned of.
 const SPEED_TRIES: u8 = 10;
 /// The magic number of whoever insists.
@@ -311,7 +313,7 @@ impl Orders {
                 true,
             );
         }
-        self.unanswered_speeds = self.unanswered_speeds.saturating_add(1);
+        self.unanswered_speeds = SPEEDS_UNDER_WAY.min(self.unanswered_speeds + 1);
         let (command, parameters) = speed(mps);
         // No command waits for that answer: the drive itself is what is asked for.
         self.say_long(0, command, parameters, target, out);
