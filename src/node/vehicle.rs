@@ -276,10 +276,12 @@ impl Vehicle {
         }
         match command {
             MoveCommand::Drive { is_off_plan, route } => {
-                let corners: Vec<Point> = route.into_iter().skip(1).collect();
-                self.movement.drive(now, is_off_plan, &corners);
+                let [from, corners @ ..] = route.as_slice() else {
+                    return;
+                };
+                self.movement.drive(now, is_off_plan, *from, corners);
                 out.push(Out::AutopilotCommand(AutopilotCommand::Drive {
-                    corners: self.drift.corrected(&corners),
+                    corners: self.drift.corrected(corners),
                     speed_mps: self.settings.body.speed_mps,
                 }));
             }

@@ -2,6 +2,7 @@
 //! near the ring, boxes and walls across. Does every sweep end, and is nothing touched? A few here; 500 by hand:
 //!
 //! `cargo test --release --no-default-features --test sim random_obstacles:: -- --ignored --nocapture`
+//! (`TOMOSWARM_YARD=411`: that seed alone)
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -176,6 +177,13 @@ fn every_sweep_ends_and_touches_nothing() {
 #[test]
 #[ignore = "takes long; by hand, as said above"]
 fn five_hundred_yards() {
-    let (ends, wrong) = tally(1..501);
+    let seeds = match std::env::var("TOMOSWARM_YARD") {
+        Ok(seed) => {
+            let seed = seed.parse().expect("TOMOSWARM_YARD is a seed");
+            seed..seed + 1
+        }
+        Err(_) => 1..501,
+    };
+    let (ends, wrong) = tally(seeds);
     println!("{ends:?}; {} are not as they should be", wrong.len());
 }

@@ -18,6 +18,8 @@ pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 
 /// Of a stored mission so many places ahead are claimed: when one is passed, the autopilot is on its way to the next.
 const CLAIMED: usize = 2;
+/// Autopilots pass a corner this near to it at the latest, metres: 0.25 m by their own place, which may be off.
+const PASSED_M: f64 = 0.35;
 /// Who turns at a corner is this near to it, metres.
 const HERE_M: f64 = 0.1;
 
@@ -50,6 +52,8 @@ pub(super) struct Leg {
     since: Time,
     /// It leads to no stop: nobody's plan says who goes first.
     is_off_plan: bool,
+    /// The corner that was passed last; at first where it began.
+    passed: Point,
     /// What lies ahead; never empty.
     corners: VecDeque<Point>,
 }
@@ -74,12 +78,13 @@ pub(super) struct RepeatedStop {
 }
 
 impl MovementOrder {
-    /// Drives along corners, the first of which lies ahead, from now on.
-    pub(super) fn drive(&mut self, now: Time, is_off_plan: bool, corners: &[Point]) {
+    /// Drives from a place along corners, the first of which lies ahead, from now on.
+    pub(super) fn drive(&mut self, now: Time, is_off_plan: bool, from: Point, corners: &[Point]) {
         let corners = corners.iter().copied().collect();
         *self = MovementOrder::Driving(Leg {
             since: now,
             is_off_plan,
+            passed: from,
             corners,
         });
     }
@@ -277,13 +282,18 @@ impl MovementOrder {
 }
 
 impl Leg {
-    /// Drops the corners that lie behind; the last one stays.
+    /// Drops the corners that lie behind; the last one stays. Being beside the piece beyond a corner does not do: where a way
+    /// turns back, that is so long before the corner.
     fn pass(&mut self, at: Point) {
         while self.corners.len() > 1 {
-            let piece = Segment::new(self.corners[0], self.corners[1]);
-            if piece.nearest_share(at) <= 0.0 {
+            let corner = self.corners[0];
+            let to_corner = Segment::new(self.passed, corner);
+            let left_m = (1.0 - to_corner.nearest_share(at)) * to_corner.length_m();
+            let is_beyond = Segment::new(corner, self.corners[1]).nearest_share(at) > 0.0;
+            if left_m > PASSED_M || !is_beyond {
                 break;
             }
+            self.passed = corner;
             self.corners.pop_front();
         }
     }
@@ -336,6 +346,7 @@ impl RepeatedStop {
         Some(Leg {
             since: self.sent,
             is_off_plan: false,
+            passed: self.braking_end?,
             corners,
         })
     }
@@ -386,8 +397,9 @@ mod tests {
             tell(&mut movement);
             movement
         };
-        let drive =
-            |movement: &mut MovementOrder| movement.drive(at(1.0), true, &[point(2.0), point(4.0)]);
+        let drive = |movement: &mut MovementOrder| {
+            movement.drive(at(1.0), true, point(0.0), &[point(2.0), point(4.0)])
+        };
         [
             ("Idle", told(&|_| {})),
             ("Driving", told(&drive)),
@@ -421,7 +433,7 @@ mod tests {
                 variant_of(&movement)
             };
             assert_eq!(
-                after(&|it| it.drive(at(2.0), true, &[point(1.0)])),
+                after(&|it| it.drive(at(2.0), true, point(0.0), &[point(1.0)])),
                 "Driving",
                 "from {from}"
             );
@@ -489,6 +501,23 @@ mod tests {
     }
 
     #[test]
+    fn where_a_way_turns_back_its_corner_is_claimed_until_it_is_reached() {
+        // Out to 4 m, and 1 m back beside the way there.
+        let (corner, end) = (point(4.0), Point::new(3.0, 0.3));
+        let mut movement = MovementOrder::default();
+        movement.drive(at(1.0), true, point(0.0), &[corner, end]);
+        let mut way_at = |x_m: f64| {
+            movement.take(at(2.0), &telemetry(x_m, Motion::Driving));
+            movement.way_from(point(x_m))
+        };
+        for x_m in [0.0, 2.0, 3.2, 3.6] {
+            assert_eq!(way_at(x_m), Some(vec![point(x_m), corner, end]), "{x_m}");
+        }
+        assert_eq!(way_at(3.8), Some(vec![point(3.8), end]));
+        assert_eq!(way_at(3.4), Some(vec![point(3.4), end]), "on its way back");
+    }
+
+    #[test]
     fn of_a_stored_mission_the_next_two_places_are_claimed_until_it_is_over_or_has_failed() {
         let shown = |x_m: f64, item: u16, phase| Telemetry {
             stored: Some(StoredProgress { item, phase }),
@@ -524,13 +553,13 @@ mod tests {
     #[test]
     fn only_a_leg_off_plan_yields_and_no_longer_once_it_brakes() {
         let mut movement = MovementOrder::default();
-        movement.drive(at(1.0), false, &[point(2.0)]);
+        movement.drive(at(1.0), false, point(0.0), &[point(2.0)]);
         assert_eq!(
             movement.way_off_plan_from(point(0.0)),
             None,
             "a plan says who goes first"
         );
-        movement.drive(at(1.0), true, &[point(2.0)]);
+        movement.drive(at(1.0), true, point(0.0), &[point(2.0)]);
         assert_eq!(
             movement.way_off_plan_from(point(0.0)),
             Some(vec![point(0.0), point(2.0)])
