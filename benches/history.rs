@@ -47,7 +47,8 @@ fn main() {
         String,
         (u64, usize, Duration),
     >::new()));
-    let (tell, count) = (kept.clone(), spent.clone());
+    let longest = Rc::new(std::cell::Cell::new(Duration::ZERO));
+    let (tell, count, most) = (kept.clone(), spent.clone(), longest.clone());
     let listener = BusListener::new(move |now, heard| {
         let (history, board) = &mut *tell.borrow_mut();
         let input = BoardInput::Heard(heard.clone());
@@ -58,14 +59,16 @@ fn main() {
         let (inputs, all_bytes, time) = count.entry(kind(heard)).or_default();
         *inputs += 1;
         *all_bytes += bytes;
-        *time += began.elapsed();
+        let took = began.elapsed();
+        *time += took;
+        most.set(most.get().max(took));
     });
     let ended = scenario.run_heard(&mut |_| true, listener);
     ended.expect("it runs");
     let (history, board) = &*kept.borrow();
     let (from, to) = history.span().expect("something was said");
     println!(
-        "what eight vehicles said is kept of the last {:.1} min; the history takes {:.1} MB of {} MB, a copy of the board {:.2} MB",
+        "what eight vehicles said is kept of the last {:.1} min; the history takes {:.1} MB of {} MB, a copy of the board {:.2} MB without its plans",
         to.since(from).as_secs_f64() / 60.0,
         history.bytes() as f64 / 1e6,
         HISTORY_BYTES_MAX >> 20,
@@ -78,6 +81,7 @@ fn main() {
             "  {kind:10} {inputs:8} inputs of {mb:6.2} MB, {each_us:6.1} us each to take and keep"
         );
     }
+    println!("  the longest: {:.1?}", longest.get());
     let mut times: Vec<Duration> = (0..MOMENTS)
         .map(|place| {
             // Back and forth, so that no moment is near the one before.

@@ -18,7 +18,7 @@ mod eight;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -33,7 +33,7 @@ use tomoswarm::operator::HeardMessage;
 use tomoswarm::sim::Scenario;
 use tomoswarm::sim::bus::BusListener;
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Message, Sender, VehicleId};
+use tomoswarm_proto::{Message, Sender, VehicleId, codec};
 
 const LOOK: &str = "00112233445566778899aabbccddeeff";
 const MANY: u8 = 50;
@@ -225,14 +225,18 @@ fn serve_in_a_process_of_its_own(hours: f64) {
     let program = std::env::current_exe().expect("it runs");
     let mut child = std::process::Command::new(program)
         .args([SERVES, &hours.to_string()])
+        // As a ground station starts it.
+        .env("MALLOC_MMAP_THRESHOLD_", "131072")
         .stdin(std::process::Stdio::piped())
         .spawn()
         .expect("it starts");
     let pipe = child.stdin.take().expect("it is piped");
     let mut pipe = std::io::BufWriter::new(pipe);
     heard(&scenario(hours * 3600.0), move |now, heard| {
-        serde_json::to_writer(&mut pipe, &(now, heard)).expect("it reads");
-        pipe.write_all(b"\n").expect("it reads");
+        let said = codec::pack(&(now, heard)).expect("it can be packed");
+        let length = (said.len() as u32).to_le_bytes();
+        pipe.write_all(&length).expect("it reads");
+        pipe.write_all(&said).expect("it reads");
     });
     assert!(child.wait().expect("it ends").success());
 }
@@ -241,18 +245,21 @@ fn serve_in_a_process_of_its_own(hours: f64) {
 fn serve(hours: f64) {
     let split = Time::from_secs_f64(hours * 3600.0 - FOR_S);
     let mut server = server(&scenario(hours * 3600.0));
-    let before = memory();
+    let (before, mut after) = (memory(), None);
     let mut last: Vec<(Time, HeardMessage)> = Vec::new();
-    for line in std::io::stdin().lines() {
-        let line = line.expect("it is text");
-        let (at, heard): (Time, HeardMessage) = serde_json::from_str(&line).expect("it was said");
+    let (mut pipe, mut said, mut length) = (std::io::stdin().lock(), Vec::new(), [0; 4]);
+    while pipe.read_exact(&mut length).is_ok() {
+        said.resize(u32::from_le_bytes(length) as usize, 0);
+        pipe.read_exact(&mut said).expect("it is whole");
+        let (at, heard): (Time, HeardMessage) = codec::unpack(&said).expect("it was said");
         if at < split {
             server.hear(at, &heard);
         } else {
+            // What is kept from here on is not the server's.
+            after = after.or_else(memory);
             last.push((at, heard));
         }
     }
-    let after = memory();
     let mut readers = Readers::open(&mut server, split, 5);
     let seconds = readers.follow(&mut server, &last);
     println!("after {hours} h:");

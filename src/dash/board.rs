@@ -6,12 +6,12 @@
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, Image, ImageSubject, Message, Plan, Sender, Stop, TILE_CELLS, TileAddress,
-    VehicleId,
+    EmergencyName, Image, ImageSubject, Message, Plan, Sender, TILE_CELLS, TileAddress, VehicleId,
 };
 
 use super::cell_view::TileChanges;
@@ -111,11 +111,12 @@ pub struct Board {
     map: Merged,
     tile_changes: TileChanges,
     repair: Repair,
-    plans: BTreeMap<VehicleId, Plan>,
+    /// Long: copies of the board share them.
+    plans: BTreeMap<VehicleId, Arc<Plan>>,
     tracks: BTreeMap<VehicleId, Track>,
     looks: BTreeMap<VehicleId, LookView>,
     /// Made when it is asked for, of the plans as they are.
-    timetable: OnceCell<Option<Timetable>>,
+    timetable: OnceCell<Option<Arc<Timetable>>>,
     radio: RadioView,
     events: EventList,
     images: BTreeMap<ImageSubject, NewestImage>,
@@ -262,7 +263,21 @@ impl Board {
 
     /// Returns the plan of a vehicle.
     pub fn plan(&self, id: VehicleId) -> Option<&Plan> {
-        self.plans.get(&id)
+        self.plans.get(&id).map(Arc::as_ref)
+    }
+
+    /// Returns the plans that were heard last.
+    pub(super) fn plans(&self) -> impl Iterator<Item = &Plan> {
+        self.plans.values().map(Arc::as_ref)
+    }
+
+    /// Returns a copy with other plans, in which nothing has changed.
+    pub(super) fn with_plans(&self, plans: Vec<Plan>) -> Board {
+        let plans = plans.into_iter().map(|plan| (plan.vehicle, Arc::new(plan)));
+        let mut copy = self.clone();
+        (copy.plans, copy.timetable) = (plans.collect(), OnceCell::new());
+        copy.changes.clear();
+        copy
     }
 
     /// Returns where a vehicle has been.
@@ -277,8 +292,10 @@ impl Board {
 
     /// Returns the plans of the newest revision against time; `None` while they are not complete.
     pub fn timetable(&self) -> Option<&Timetable> {
-        let made = self.timetable.get_or_init(|| Timetable::of(&self.plans));
-        made.as_ref()
+        let made = self
+            .timetable
+            .get_or_init(|| Timetable::of(&self.plans).map(Arc::new));
+        made.as_deref()
     }
 
     /// Returns how far vehicles are with their plans, by their own word.
@@ -368,15 +385,10 @@ impl Board {
             .collect()
     }
 
-    /// Returns how many bytes a copy of it takes, about.
+    /// Returns how many bytes a copy of it takes, about, without its plans.
     pub fn bytes(&self) -> usize {
         let parts = self.images.values().flat_map(|image| image.parts.values());
         let pixels = |part: &Image| part.mean.len() + part.deviation.as_ref().map_or(0, Vec::len);
-        let stops = self.plans.values().flat_map(|plan| &plan.stops);
-        let stop = |stop: &Stop| {
-            size_of::<Stop>() + size_of_val(&stop.route[..]) + size_of_val(&stop.after[..])
-        };
-        let plans: usize = stops.map(stop).sum();
         let places = self
             .tracks
             .values()
@@ -384,7 +396,6 @@ impl Board {
         self.map.bytes()
             + self.tile_changes.bytes()
             + parts.map(pixels).sum::<usize>()
-            + plans
             + places.sum::<usize>()
             + self.events.bytes()
             + self.looks.values().map(LookView::bytes).sum::<usize>()
@@ -492,7 +503,7 @@ impl Board {
             Message::Digest(digest) => self.repair.hear_digest(now, &self.map, digest),
             Message::Plan(plan) => {
                 if !self.has_plan(plan) {
-                    self.plans.insert(plan.vehicle, plan.clone());
+                    self.plans.insert(plan.vehicle, Arc::new(plan.clone()));
                     self.changes.insert(Subject::Plan(plan.vehicle));
                     self.timetable = OnceCell::new();
                     self.changes.extend(OF_PLANS);

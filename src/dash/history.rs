@@ -5,25 +5,35 @@
 //! last of each second is kept, then of each ten seconds, then of each minute, and then the oldest part goes. What made an
 //! event, and all orders, marks and images, stay as long as their part does. A moment of a thinned part is shown as it was at
 //! most that much earlier, its plans ten times that.
+//!
+//! Parts are compressed once they are full, and the plans of copies of the board always: who reads the history on and on keeps
+//! the part that it has read last uncompressed ([`InflatedPart`]).
+//! Parts are small enough for that.
 
-use std::collections::{BTreeSet, VecDeque};
+mod board_snapshot;
+mod deflate;
+mod packed_input;
+mod part;
+
+use std::collections::VecDeque;
 use std::time::Duration;
 
-use tomoswarm_proto::codec::{self, EncodeError};
-use tomoswarm_proto::{LayerId, Message, Sender, TileAddress, VehicleId};
+use tomoswarm_proto::Message;
+use tomoswarm_proto::codec::EncodeError;
 
+pub use self::board_snapshot::BoardSnapshot;
+pub use self::part::InflatedPart;
+use self::part::Part;
 use super::board::{Board, BoardInput};
 use super::events::{Event, EventKind};
 use crate::operator::HeardMessage;
 use crate::time::Time;
 
 /// A history has at most so many bytes, the copies of boards included.
-pub const HISTORY_BYTES_MAX: usize = 64 << 20;
+pub const HISTORY_BYTES_MAX: usize = 32 << 20;
 /// Markers kept at most; the oldest go first.
 pub const MARKERS_MAX: usize = 1000;
-/// A copy of the board is kept every so many inputs.
-const PART_INPUTS: usize = 8192;
-/// The newest parts stay as they are.
+/// The newest parts are not thinned.
 const PARTS_KEPT: usize = 2;
 /// Of what replaces itself a thinned part keeps the last in each of these.
 const THINNED: [Duration; 3] = [
@@ -31,10 +41,6 @@ const THINNED: [Duration; 3] = [
     Duration::from_secs(10),
     Duration::from_secs(60),
 ];
-/// Plans are long: of them the last of so much longer a time is kept.
-const PLANS_RARER: u32 = 10;
-/// Time, length and whether it stays, before each input.
-const HEADER_BYTES: usize = 13;
 
 /// What a board was told.
 #[derive(Debug)]
@@ -44,43 +50,6 @@ pub struct History {
     bytes: usize,
     bytes_max: usize,
     markers: VecDeque<Event>,
-}
-
-/// Some thousands of inputs.
-#[derive(Debug)]
-struct Part {
-    /// When the first one was told; all before it were told earlier.
-    from: Time,
-    /// The board as it was before.
-    board: Board,
-    board_bytes: usize,
-    inputs: usize,
-    packed: Vec<u8>,
-    /// How often it was thinned.
-    thinned: usize,
-}
-
-/// An input as it is kept.
-struct Packed<'a> {
-    at: Time,
-    /// It made an event.
-    stays: bool,
-    bytes: &'a [u8],
-}
-
-/// What a later input of the same replaces.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Replaced {
-    State(VehicleId),
-    Mission(VehicleId),
-    Health(VehicleId),
-    Look(VehicleId),
-    Samples(VehicleId),
-    Plan(VehicleId),
-    Report(u64),
-    Tile(LayerId, TileAddress),
-    Standing(Sender),
-    Greeting(Sender),
 }
 
 impl Default for History {
@@ -116,7 +85,8 @@ impl History {
             board.take(now, input);
             return Ok(());
         }
-        self.begin_part_when_due(now, board);
+        // Without another part the newest one takes more.
+        let begun = self.begin_part_when_due(now, board);
         let before = board.events().last();
         board.take(now, input);
         let mut stays = false;
@@ -130,23 +100,16 @@ impl History {
         while self.markers.len() > MARKERS_MAX {
             self.markers.pop_front();
         }
-        let bytes = codec::pack(input)?;
-        let packed = Packed {
-            at: now,
-            stays,
-            bytes: &bytes,
-        };
         if let Some(part) = self.parts.back_mut() {
-            self.bytes += packed.write(&mut part.packed);
-            part.inputs += 1;
+            self.bytes += part.add(now, stays, input)?;
         }
         self.last = now;
-        Ok(())
+        begun
     }
 
     /// Returns the time that it reaches over; `None` = nothing was told.
     pub fn span(&self) -> Option<(Time, Time)> {
-        self.parts.front().map(|part| (part.from, self.last))
+        self.parts.front().map(|part| (part.from(), self.last))
     }
 
     /// Returns what is worth a mark: troubles, orders, images; oldest first.
@@ -161,19 +124,29 @@ impl History {
 
     /// Returns the newest board that is kept of those that were told nothing at a moment or after it, and the moment before
     /// which it was told everything; `None` = nothing was told.
-    pub fn board_before(&self, moment: Time) -> Option<(&Board, Time)> {
-        let later = self.parts.partition_point(|part| part.from <= moment);
+    pub fn board_before(&self, moment: Time) -> Option<(&BoardSnapshot, Time)> {
+        let later = self.parts.partition_point(|part| part.from() <= moment);
         let part = self.parts.get(later.saturating_sub(1))?;
-        Some((&part.board, part.from))
+        Some((part.board(), part.from()))
     }
 
     /// Tells a board, which was told everything before `from`, what was told before `until`; about `most` inputs. Returns before
-    /// which moment it has now been told everything.
-    pub fn tell_again(&self, board: &mut Board, from: Time, until: Time, most: usize) -> Time {
-        let later = self.parts.partition_point(|part| part.from <= from);
+    /// which moment it has now been told everything. `inflated`: what the same caller has read last, for its next call.
+    pub fn tell_again(
+        &self,
+        board: &mut Board,
+        inflated: &mut InflatedPart,
+        from: Time,
+        until: Time,
+        most: usize,
+    ) -> Time {
+        let later = self.parts.partition_point(|part| part.from() <= from);
         let (mut told, mut told_at) = (0, from);
         for part in self.parts.iter().skip(later.saturating_sub(1)) {
-            for packed in part.inputs() {
+            if part.from() >= until {
+                return until;
+            }
+            for packed in part.inputs(inflated) {
                 if packed.at >= until {
                     return until;
                 }
@@ -193,127 +166,59 @@ impl History {
     }
 
     /// Begins a part when the newest one is full; never between two inputs of the same time.
-    fn begin_part_when_due(&mut self, now: Time, board: &Board) {
+    fn begin_part_when_due(&mut self, now: Time, board: &Board) -> Result<(), EncodeError> {
         let is_full = self
             .parts
             .back()
-            .is_none_or(|part| part.inputs >= PART_INPUTS && now > self.last);
+            .is_none_or(|part| part.is_full() && now > self.last);
         if !is_full {
-            return;
+            return Ok(());
         }
-        let board_bytes = board.bytes();
-        self.bytes += board_bytes;
-        let mut board = board.clone();
-        // A copy has nothing to say of what came before it.
-        board.take_changes();
-        self.parts.push_back(Part {
-            from: now,
-            board,
-            board_bytes,
-            inputs: 0,
-            packed: Vec::new(),
-            thinned: 0,
-        });
+        let board = BoardSnapshot::of(board, self.parts.back().map(Part::board))?;
+        let buffer = self.parts.back_mut().map(Part::close);
+        let part = Part::new(now, board, buffer.unwrap_or_default());
+        self.parts.push_back(part);
+        self.bytes = self.sum_of_bytes();
         self.make_room();
+        Ok(())
+    }
+
+    fn sum_of_bytes(&self) -> usize {
+        let before = std::iter::once(None).chain(self.parts.iter().map(Some));
+        let each = self.parts.iter().zip(before);
+        each.map(|(part, before)| part.bytes(before)).sum()
     }
 
     fn make_room(&mut self) {
         while self.bytes > self.bytes_max && self.parts.len() > PARTS_KEPT {
             let older = self.parts.len() - PARTS_KEPT;
-            let thinned = |place: &usize| self.parts[*place].thinned;
+            let thinned = |place: &usize| self.parts[*place].thinned();
             let place = (0..older).min_by_key(thinned).unwrap_or(0);
-            match THINNED.get(self.parts[place].thinned) {
+            match THINNED.get(self.parts[place].thinned()) {
                 Some(interval) => {
                     self.parts[place].thin(*interval);
                     self.join_with_older(place);
                 }
                 None => drop(self.parts.pop_front()),
             }
-            self.bytes = self.parts.iter().map(Part::bytes).sum();
+            self.bytes = self.sum_of_bytes();
         }
     }
 
-    /// Joins a part with the one before it, when both are as thin and small enough together.
+    /// Joins a part that was thinned with the one before it, when both are as thin and small enough together; otherwise closes
+    /// it.
     fn join_with_older(&mut self, place: usize) {
-        let Some(before) = place.checked_sub(1) else {
-            return;
-        };
-        let (older, newer) = (&self.parts[before], &self.parts[place]);
-        let fits = older.inputs + newer.inputs <= PART_INPUTS;
-        if older.thinned != newer.thinned || !fits {
-            return;
-        }
-        if let Some(newer) = self.parts.remove(place) {
-            let older = &mut self.parts[before];
-            older.packed.extend(newer.packed);
-            older.inputs += newer.inputs;
-        }
-    }
-}
-
-impl Part {
-    fn bytes(&self) -> usize {
-        self.board_bytes + self.packed.len()
-    }
-
-    fn inputs(&self) -> impl Iterator<Item = Packed<'_>> {
-        let mut rest = self.packed.as_slice();
-        std::iter::from_fn(move || Packed::read(&mut rest))
-    }
-
-    fn thin(&mut self, interval: Duration) {
-        let inputs: Vec<Packed<'_>> = self.inputs().collect();
-        let (mut kept, mut seen) = (Vec::new(), BTreeSet::new());
-        for packed in inputs.iter().rev() {
-            let replaced = packed.input().as_ref().and_then(replaced);
-            let interval = match replaced {
-                Some(Replaced::Plan(_)) => interval * PLANS_RARER,
-                _ => interval,
-            };
-            let bucket = packed.at.since(Time::ZERO).as_nanos() / interval.as_nanos();
-            let is_last = replaced.is_none_or(|what| seen.insert((bucket, what)));
-            if is_last || packed.stays {
-                kept.push(packed);
+        let newer = &self.parts[place];
+        let joins = |older: &Part| older.thinned() == newer.thinned() && older.fits_with(newer);
+        let before = place.checked_sub(1).filter(|at| joins(&self.parts[*at]));
+        match before {
+            Some(before) => {
+                if let Some(newer) = self.parts.remove(place) {
+                    self.parts[before].join(&newer);
+                }
             }
+            None => drop(self.parts[place].close()),
         }
-        let mut thin = Vec::new();
-        for packed in kept.iter().rev() {
-            packed.write(&mut thin);
-        }
-        (self.inputs, self.thinned) = (kept.len(), self.thinned + 1);
-        thin.shrink_to_fit();
-        self.packed = thin;
-    }
-}
-
-impl Packed<'_> {
-    /// Adds it to others; returns how many bytes that took.
-    fn write(&self, to: &mut Vec<u8>) -> usize {
-        let before = to.len();
-        to.extend(self.at.as_nanos().to_le_bytes());
-        to.extend((self.bytes.len() as u32).to_le_bytes());
-        to.push(u8::from(self.stays));
-        to.extend(self.bytes);
-        to.len() - before
-    }
-
-    /// Takes the first of several.
-    fn read<'a>(rest: &mut &'a [u8]) -> Option<Packed<'a>> {
-        let (header, body) = rest.split_first_chunk::<HEADER_BYTES>()?;
-        let (at, header) = header.split_first_chunk()?;
-        let (length, header) = header.split_first_chunk()?;
-        let (bytes, after) = body.split_at_checked(u32::from_le_bytes(*length) as usize)?;
-        *rest = after;
-        Some(Packed {
-            at: Time::from_nanos(u64::from_le_bytes(*at)),
-            stays: header.first() == Some(&1),
-            bytes,
-        })
-    }
-
-    /// Reads what was packed here.
-    fn input(&self) -> Option<BoardInput> {
-        codec::unpack(self.bytes).ok()
     }
 }
 
@@ -347,30 +252,6 @@ fn is_known(board: &Board, input: &BoardInput) -> bool {
             board.marks().knows(*sender, mark)
         }
         _ => false,
-    }
-}
-
-/// Returns what a later input of the same kind replaces; `None` = it stands for itself.
-fn replaced(input: &BoardInput) -> Option<Replaced> {
-    let BoardInput::Heard(heard) = input else {
-        return None;
-    };
-    let (sender, message) = match heard {
-        HeardMessage::Message(sender, message) => (sender, message),
-        HeardMessage::Greeting(greeting, _) => return Some(Replaced::Greeting(greeting.node)),
-        HeardMessage::Unknown(_) => return None,
-    };
-    match message {
-        Message::State(state) => Some(Replaced::State(state.vehicle)),
-        Message::Mission(mission) => Some(Replaced::Mission(mission.vehicle)),
-        Message::Health(health) => Some(Replaced::Health(health.vehicle)),
-        Message::Look(look) => Some(Replaced::Look(look.vehicle)),
-        Message::Samples(batch) => Some(Replaced::Samples(batch.vehicle)),
-        Message::Plan(plan) => Some(Replaced::Plan(plan.vehicle)),
-        Message::Report(report) => Some(Replaced::Report(report.store)),
-        Message::Tile(tile) => Some(Replaced::Tile(tile.layer, tile.address)),
-        Message::Standing(_) => Some(Replaced::Standing(*sender)),
-        _ => None,
     }
 }
 

@@ -200,7 +200,7 @@ impl PageServer {
     }
 
     fn tell(&mut self, now: Time, input: &BoardInput) {
-        // What came over the bus or from a page can be packed: it was.
+        // What came over the bus or from a page can be packed, and so can what the board holds of it: it was.
         let _ = self.history.tell(now, &mut self.board, input);
     }
 

@@ -5,10 +5,10 @@
 use std::time::Duration;
 
 use super::board::Board;
-use super::history::History;
+use super::history::{History, InflatedPart};
 use crate::time::Time;
 
-/// Inputs that are told at once; some milliseconds.
+/// Inputs that are told at once; some milliseconds, and some more where a part of the history is inflated first.
 pub const STEP_INPUTS: usize = 2000;
 /// The fastest, in seconds of the history a second.
 pub const SPEED_MAX: f64 = 1000.0;
@@ -19,6 +19,7 @@ const LOOKS_EVERY: Duration = Duration::from_millis(50);
 #[derive(Debug)]
 pub struct Playback {
     board: Board,
+    inflated: InflatedPart,
     /// The board was told everything before this moment.
     told_until: Time,
     /// When it began to go on, by the caller's clock, and from which moment.
@@ -35,7 +36,8 @@ impl Playback {
         let at = at.clamp(from, to);
         let (board, told_until) = history.board_before(at)?;
         Some(Playback {
-            board: board.clone(),
+            board: board.board(),
+            inflated: InflatedPart::default(),
             told_until,
             begun: (now, at),
             speed: speed.clamp(0.0, SPEED_MAX),
@@ -55,7 +57,7 @@ impl Playback {
         if let Some((board, until)) = history.board_before(at)
             && (at < self.told_until || until > self.told_until)
         {
-            (self.board, self.told_until) = (board.clone(), until);
+            (self.board, self.told_until) = (board.board(), until);
         }
     }
 
@@ -88,7 +90,8 @@ impl Playback {
         let until = if is_over { after } else { after.min(last) };
         if until > self.told_until {
             let from = self.told_until;
-            self.told_until = history.tell_again(&mut self.board, from, until, STEP_INPUTS);
+            let (board, inflated) = (&mut self.board, &mut self.inflated);
+            self.told_until = history.tell_again(board, inflated, from, until, STEP_INPUTS);
         }
         self.is_behind = self.told_until < until;
         !self.is_behind

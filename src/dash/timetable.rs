@@ -3,6 +3,7 @@
 //!
 //! It plans nothing and foretells nothing: times are those of one steady speed, with turns for nothing.
 
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 use tomoswarm_proto::{Plan, StopId, VehicleId};
@@ -25,13 +26,13 @@ pub struct Timetable {
 impl Timetable {
     /// Makes the timetable of the newest revision of the plans that were heard; `None` while a member's plan is missing, or
     /// when they are not valid together.
-    pub fn of(heard: &BTreeMap<VehicleId, Plan>) -> Option<Timetable> {
+    pub fn of(heard: &BTreeMap<VehicleId, impl Borrow<Plan>>) -> Option<Timetable> {
         let edition = |plan: &Plan| (plan.run, plan.lease, plan.revision);
-        let newest = heard.values().max_by_key(|plan| edition(plan))?;
+        let plans = heard.values().map(Borrow::borrow);
+        let newest = plans.max_by_key(|plan| edition(plan))?;
         let plan_of = |id: &VehicleId| {
-            heard
-                .get(id)
-                .filter(|plan| edition(plan) == edition(newest))
+            let plan = heard.get(id).map(Borrow::borrow);
+            plan.filter(|plan| edition(plan) == edition(newest))
         };
         let plans: Option<Vec<Plan>> = newest
             .members
@@ -193,6 +194,6 @@ mod tests {
         let mut heard = plans();
         heard.get_mut(&ONE).unwrap().stops[0].after = vec![(TWO, StopId(2))];
         assert_eq!(Timetable::of(&heard), None);
-        assert_eq!(Timetable::of(&BTreeMap::new()), None);
+        assert_eq!(Timetable::of(&BTreeMap::<_, Plan>::new()), None);
     }
 }

@@ -14,7 +14,9 @@ pub enum Verdict {
     Finished,
     /// It ended otherwise, and says why.
     SaysWhy,
-    /// It went on until it was cut off.
+    /// It was cut off, and ends when it has more time.
+    EndsLate,
+    /// It goes on, however much time it has.
     NeverEnds,
     /// Something was touched that was to be heard.
     Contact,
@@ -32,7 +34,11 @@ impl Verdict {
     /// Returns whether that must not be.
     pub fn is_wrong(self) -> bool {
         match self {
-            Verdict::Refused | Verdict::Finished | Verdict::SaysWhy | Verdict::ThinContact => false,
+            Verdict::Refused
+            | Verdict::Finished
+            | Verdict::SaysWhy
+            | Verdict::EndsLate
+            | Verdict::ThinContact => false,
             Verdict::NeverEnds
             | Verdict::Contact
             | Verdict::Breach
@@ -54,6 +60,8 @@ pub struct Trial {
     pub words: String,
 }
 
+/// Who was cut off has this long then, seconds.
+const LATE_S: &str = "20000";
 /// What is thinner than this is not promised to be heard in time at every speed that is drawn here, metres.
 const THIN_M: f64 = 0.1;
 
@@ -74,8 +82,18 @@ impl Trial {
                 .expect("the program runs")
         };
         let checked = run(&["check", "x.sim.toml"]);
-        let ran = run(&["sim", "x.sim.toml", "--no-pictures", "--out", "out"]);
-        let (verdict, words) = judge(configuration, &checked, &ran, folder.path());
+        let simulate = ["sim", "x.sim.toml", "--no-pictures", "--out"];
+        let ran = run(&[&simulate[..], &["out"]].concat());
+        let out = folder.path().join("out");
+        let (mut verdict, mut words) = judge(configuration, &checked, &ran, &out);
+        if verdict == Verdict::NeverEnds {
+            let ran = run(&[&simulate[..], &["late", "--until", LATE_S]].concat());
+            let late = folder.path().join("late");
+            (verdict, words) = judge(configuration, &checked, &ran, &late);
+            if matches!(verdict, Verdict::Finished | Verdict::SaysWhy) {
+                verdict = Verdict::EndsLate;
+            }
+        }
         if let Some(keep) = keep.filter(|_| verdict.is_wrong()) {
             let kept = keep.join(configuration.seed.to_string());
             std::fs::create_dir_all(&kept).expect("a folder to keep it");
@@ -95,7 +113,7 @@ fn judge(
     configuration: &Configuration,
     checked: &Output,
     ran: &Output,
-    folder: &Path,
+    out: &Path,
 ) -> (Verdict, String) {
     let last_words = |output: &Output| {
         let text = String::from_utf8_lossy(&output.stderr);
@@ -110,7 +128,7 @@ fn judge(
         }
         _ => return (Verdict::Panic, last_words(ran)),
     }
-    let summary = std::fs::read_to_string(folder.join("out/summary.json"));
+    let summary = std::fs::read_to_string(out.join("summary.json"));
     let Ok(summary) = summary.map_err(|error| error.to_string()).and_then(|text| {
         serde_json::from_str::<serde_json::Value>(&text).map_err(|error| error.to_string())
     }) else {

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use tomoswarm_proto::{
-    Boot, Health, ImageSubject, Lease, LogLine, LogLines, LogSeverity, Mark, Message, OpenStops,
-    OperatorId, Position, Rectangle, RunId, Sender, TILE_CELLS, TileReport, VehicleId,
+    Boot, Health, ImageSubject, LayerId, Lease, LogLine, LogLines, LogSeverity, Mark, Message,
+    OpenStops, OperatorId, Plan, Position, Rectangle, Revision, RunId, Sender, Stop, StopId,
+    TILE_CELLS, TileAddress, TileReport, VehicleId,
 };
 
 use super::*;
@@ -110,6 +111,30 @@ fn mark_given() -> BoardInput {
     BoardInput::MarkGiven(MarkOrder::read(br#"{"at":[1,2],"page":1}"#).unwrap())
 }
 
+/// A plan of stops at places that are hard to compress.
+fn plan(id: u8, revision: u32, stops: u32) -> BoardInput {
+    let stop = |number: u32| {
+        let place = |by: u32| f64::from(number.wrapping_mul(by) % 100_000) / 1000.0;
+        Stop {
+            id: StopId(number),
+            at: Position::from_metres(place(2_654_435_761), place(2_246_822_519), 0.0),
+            route: Vec::new(),
+            dwell_ms: 0,
+            dwell_limit_ms: 0,
+            partners: Vec::new(),
+            after: Vec::new(),
+        }
+    };
+    BoardInput::Heard(heard(Message::Plan(Plan {
+        vehicle: VehicleId(id),
+        run: RunId(1),
+        revision: Revision(revision),
+        members: vec![VehicleId(1), VehicleId(2)],
+        stops: (0..stops).map(stop).collect(),
+        ..Plan::default()
+    })))
+}
+
 fn ground(laps_done: u32) -> BoardInput {
     let report = tomoswarm_proto::GroundReport {
         laps_done,
@@ -166,9 +191,10 @@ fn told_again(history: &History, moment: Time, most: usize) -> Board {
     // Nothing is kept of a time in which nothing new was said.
     let before = history.board_before(moment);
     let (mut board, mut from) =
-        before.map_or((board(), until), |(board, from)| (board.clone(), from));
+        before.map_or((board(), until), |(board, from)| (board.board(), from));
+    let mut inflated = InflatedPart::default();
     while from < until {
-        from = history.tell_again(&mut board, from, until, most);
+        from = history.tell_again(&mut board, &mut inflated, from, until, most);
     }
     board
 }
@@ -217,7 +243,7 @@ fn a_history_that_is_too_large_is_thinned_from_its_oldest_part_on_and_keeps_even
     let (whole, present) = ten_minutes(usize::MAX);
     let (thinned, _) = ten_minutes(whole.bytes() / 2);
     // It is looked at when a part begins.
-    let newest = thinned.parts.back().unwrap().packed.len();
+    let newest = thinned.parts.back().unwrap().bytes(None);
     let room = whole.bytes() / 2 + newest;
     assert!(thinned.bytes() <= room, "{} {room}", thinned.bytes());
     assert_eq!(thinned.span(), whole.span());
@@ -243,7 +269,7 @@ fn a_history_that_is_too_large_is_thinned_from_its_oldest_part_on_and_keeps_even
 
 #[test]
 fn a_history_of_little_room_forgets_its_beginning_and_stays_within_it() {
-    let few = 400 << 10;
+    let few = 100 << 10;
     let (history, _) = ten_minutes(few);
     // The newest parts are whole in any case.
     let newest: usize = history
@@ -251,16 +277,106 @@ fn a_history_of_little_room_forgets_its_beginning_and_stays_within_it() {
         .iter()
         .rev()
         .take(PARTS_KEPT)
-        .map(Part::bytes)
+        .map(|part| part.bytes(None))
         .sum();
-    assert!(
-        history.bytes() <= few.max(newest) + (1 << 20),
-        "{}",
-        history.bytes()
-    );
+    assert!(history.bytes() <= few + newest, "{}", history.bytes());
     let (from, to) = history.span().unwrap();
     assert!(from > at(60.0) && to == at(599.99), "{from} {to}");
     assert!(history.markers().len() > 20);
+}
+
+/// So many states, a hundred a second.
+fn tell_states(history: &mut History, present: &mut Board, ticks: std::ops::Range<u64>) {
+    for tick in ticks {
+        let state = state_of((tick % 5) as u8 + 1, tick, false);
+        history
+            .tell(at(tick as f64 / 100.0), present, &state)
+            .unwrap();
+    }
+}
+
+#[test]
+fn plans_of_parts_that_were_compressed_are_as_they_were() {
+    let (mut history, mut present) = (History::default(), board());
+    let mut was = Vec::new();
+    for thousand in 0..25_u64 {
+        // Copies of the board share plans now and then.
+        if thousand % 5 == 0 {
+            for id in [1, 2] {
+                let plan = plan(id, thousand as u32 + 1, 30 + thousand as u32);
+                history
+                    .tell(at(thousand as f64 * 10.0), &mut present, &plan)
+                    .unwrap();
+            }
+        }
+        tell_states(
+            &mut history,
+            &mut present,
+            thousand * 1000..(thousand + 1) * 1000,
+        );
+        let moment = history.span().unwrap().1;
+        was.push((moment, everything(moment, &present)));
+    }
+    assert!(history.parts.len() > 3, "{} parts", history.parts.len());
+    for (moment, expected) in was {
+        assert_eq!(
+            everything(moment, &told_again(&history, moment, 999)),
+            expected
+        );
+    }
+}
+
+#[test]
+fn plans_that_all_parts_share_are_counted_after_the_first_part_is_gone() {
+    let bytes = |plans: u8| {
+        // No room: only the newest parts are kept.
+        let (mut history, mut present) = (History::new(0), board());
+        for id in 1..=plans {
+            history
+                .tell(Time::ZERO, &mut present, &plan(id, 1, 4000))
+                .unwrap();
+        }
+        tell_states(&mut history, &mut present, 0..50_000);
+        assert_eq!(history.parts.len(), PARTS_KEPT);
+        history.bytes()
+    };
+    let (with, without) = (bytes(1), bytes(0));
+    assert!(with > without + 20_000, "{with} {without}");
+}
+
+#[test]
+fn who_reads_on_while_parts_are_thinned_and_joined_reads_the_same_as_who_comes_anew() {
+    let (mut history, mut present) = (History::new(300 << 10), board());
+    let (mut held, mut least_parts, mut most_thinned) = (InflatedPart::default(), usize::MAX, 0);
+    for step in 0..30_u64 {
+        tell_states(&mut history, &mut present, step * 2000..(step + 1) * 2000);
+        let (from, to) = history.span().unwrap();
+        for share in [0.02, 0.5] {
+            let moment = from + to.since(from).mul_f64(share);
+            let (snapshot, before) = history.board_before(moment).unwrap();
+            let mut board = snapshot.board();
+            let mut told = before;
+            while told < moment {
+                told = history.tell_again(&mut board, &mut held, told, moment, 4000);
+            }
+            let anew = told_again(&history, moment - Duration::from_nanos(1), 4000);
+            assert_eq!(everything(moment, &board), everything(moment, &anew));
+        }
+        most_thinned = history
+            .parts
+            .iter()
+            .map(Part::thinned)
+            .max()
+            .max(Some(most_thinned))
+            .unwrap();
+        if most_thinned > 1 {
+            least_parts = least_parts.min(history.parts.len());
+        }
+    }
+    assert!(
+        most_thinned > 1 && least_parts < 7,
+        "{most_thinned} {least_parts}"
+    );
 }
 
 /// Ten minutes of states, a mark at their beginning that is said on for a while, and that it is taken back in their middle.
@@ -328,18 +444,4 @@ fn marks_are_troubles_orders_and_images_and_the_oldest_go_first() {
     assert_eq!(markers.len(), MARKERS_MAX);
     assert_eq!(markers.back().unwrap().kind, EventKind::Trouble);
     assert_eq!(markers.front().unwrap().at, at(2.0 + 6.0));
-}
-
-#[test]
-fn of_what_a_vehicle_hears_the_later_look_replaces_the_one_before() {
-    let look = |id| {
-        BoardInput::Heard(heard(Message::Look(tomoswarm_proto::Look {
-            vehicle: VehicleId(id),
-            half_angle: tomoswarm_proto::Heading(2618),
-            max_range_mm: 4000,
-            readings: Vec::new(),
-        })))
-    };
-    assert!(replaced(&look(1)).is_some() && replaced(&look(1)) == replaced(&look(1)));
-    assert!(replaced(&look(1)) != replaced(&look(2)));
 }
