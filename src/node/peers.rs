@@ -15,7 +15,7 @@ use tomoswarm_proto::{
 };
 
 use super::radio::BeaconReport;
-use crate::geom::{Angle, Point, Pose, Vector};
+use crate::geom::{Angle, Point, Pose, Track, Vector};
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers};
 use crate::time::Time;
 
@@ -27,6 +27,8 @@ pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
 const GONE_AFTER: Duration = Duration::from_secs(20);
 /// A beacon tells a vehicle's place when no state has for this long.
 const STATE_COUNTS: Duration = Duration::from_secs(1);
+/// A way that comes nearer to a peer by less than this comes no nearer, metres: rounding.
+const NEARER_M: f64 = 1e-3;
 /// A vehicle that moves and is heard by radio alone claims this much ahead, metres: what it drives between two beacons
 /// and in braking, and more if it falls silent.
 const AHEAD_M: f64 = 1.5;
@@ -340,6 +342,21 @@ fn edition(state: &State) -> (Boot, u64) {
     (state.boot, state.sequence)
 }
 
+/// Returns whether a route keeps its distance from what a peer claims, a track that begins where the peer is, or at least leads
+/// away from it: from a vehicle that is too near already, to farther away, and nowhere nearer to the claim or to the peer itself,
+/// which may be at the other end of it.
+pub(super) fn keeps_clear(from: Point, route: &Track, claim: &Track, separation_m: f64) -> bool {
+    let nearest_m = route.distance_to(claim);
+    if nearest_m >= separation_m {
+        return true;
+    }
+    let (here_m, peer) = (claim.distance_to_point(from), claim.start());
+    let least_m = separation_m.min(from.distance_to(peer));
+    nearest_m >= here_m - NEARER_M
+        && claim.distance_to_point(route.end()) > here_m
+        && route.distance_to_point(peer) >= least_m - NEARER_M
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::tests_support::state;
@@ -449,6 +466,21 @@ mod tests {
             assert_eq!(peer.heard_at, at(2.0), "it is heard all the same");
             assert!(peer.is_lost);
         }
+    }
+
+    #[test]
+    fn who_leaves_a_claim_does_not_pass_the_peer_at_its_other_end() {
+        let track = |points: &[(f64, f64)]| {
+            let points = points.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m));
+            Track::new(points.collect()).unwrap()
+        };
+        // A peer at 0 claims 1.5 m ahead of it; somebody stands beside the end of that.
+        let (from, claim) = (Point::new(1.4, 0.1), track(&[(0.0, 0.0), (1.5, 0.0)]));
+        let leaves_to =
+            |x_m, y_m| keeps_clear(from, &track(&[(1.4, 0.1), (x_m, y_m)]), &claim, 1.0);
+        assert!(leaves_to(2.4, 1.5) && leaves_to(1.4, 1.5));
+        assert!(!leaves_to(-3.0, 0.5), "past the peer");
+        assert!(!leaves_to(1.4, -1.5), "over the claim");
     }
 
     #[test]

@@ -272,6 +272,9 @@ impl Vehicle {
     fn command(&mut self, now: Time, decided: Time, command: MoveCommand, out: &mut Vec<Out>) {
         if let Err(refusal) = self.check(now, decided, &command) {
             out.push(Out::SafetyEvent(SafetyEvent::Refused(refusal)));
+            if let CommandRefusal::Separation(peer) = refusal {
+                self.stop_before(now, peer, out);
+            }
             return;
         }
         match command {

@@ -9,7 +9,7 @@ use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
 use super::{Out, Vehicle};
 use crate::autopilot::{Item, Telemetry};
 use crate::geom::{Point, Pose, Track};
-use crate::node::peers::Peer;
+use crate::node::peers::{Peer, keeps_clear};
 use crate::time::Time;
 
 /// Commands that were decided longer ago than this are too old to obey.
@@ -131,15 +131,27 @@ impl Vehicle {
 
     /// Returns whether a route keeps its distance from a peer, or at least leads away from it.
     fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
-        let Some(claim) = Track::new(peer.claim.clone()) else {
-            return true;
+        let separation_m = self.settings.swarm.separation_m;
+        let claim = Track::new(peer.claim.clone());
+        claim.is_none_or(|claim| keeps_clear(pose.at, route, &claim, separation_m))
+    }
+
+    /// Stops a vehicle on a leg whose rest does not keep clear of a peer: the command that was to take its place was refused for
+    /// that peer, and whoever gave it does not watch the leg any more. On plan it goes on before a peer that moves: the plan says
+    /// who goes first, or the other one yields.
+    pub(super) fn stop_before(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
+        let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else {
+            return;
         };
-        let nearest_m = route.distance_to(&claim);
-        if nearest_m >= self.settings.swarm.separation_m {
-            return true;
+        let is_off_plan = self.movement.way_off_plan_from(pose.at).is_some();
+        let counts = |peer: &&Peer| is_off_plan || peer.resting;
+        let Some(peer) = self.peers.get(vehicle).filter(counts) else {
+            return;
+        };
+        let rest = self.movement.leg_from(pose.at).and_then(Track::new);
+        if rest.is_some_and(|rest| !self.keeps_clear_of(&rest, pose, peer)) {
+            self.stop(now, out);
         }
-        let here_m = claim.distance_to_point(pose.at);
-        nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m
     }
 
     /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it; of a stored

@@ -243,6 +243,18 @@ impl MovementOrder {
         }
     }
 
+    /// Returns what is left of a leg that it drives; `None` when it drives none.
+    pub(super) fn leg_from(&self, at: Point) -> Option<Vec<Point>> {
+        match self {
+            MovementOrder::Driving(leg) => Some(leg.way_from(at)),
+            MovementOrder::Idle
+            | MovementOrder::Turning { .. }
+            | MovementOrder::FollowingStored(_)
+            | MovementOrder::Stopped(_)
+            | MovementOrder::Halted(_) => None,
+        }
+    }
+
     /// Returns the direction in which it goes on along its leg when it has turned at a corner; `None` without a leg.
     pub(super) fn sets_out_toward(&self, at: Point) -> Option<Angle> {
         match self {

@@ -678,6 +678,28 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
     }
 }
 
+#[test]
+fn a_leg_that_leads_to_a_peer_at_rest_is_not_driven_on_when_the_command_after_it_is_refused() {
+    for (peer_x_m, is_stopped) in [(4.0, true), (9.0, false)] {
+        let mut vehicle = vehicle();
+        let command = |x_m: f64, decided_s: f64| {
+            let route = vec![Point::new(0.0, 0.0), Point::new(x_m, 0.0)];
+            let is_off_plan = false;
+            In::Command(at(decided_s), MoveCommand::Drive { is_off_plan, route })
+        };
+        assert!(flies(&fed(&mut vehicle, 1.0, command(6.0, 1.0))));
+        let peer = super::super::tests_support::state(2, peer_x_m, 0.0);
+        assert!(!stops(&fed(&mut vehicle, 1.1, In::Peer(peer))));
+        let out = fed(&mut vehicle, 1.2, command(8.5, 1.2));
+        let separation = Some(CommandRefusal::Separation(VehicleId(2)));
+        assert_eq!(
+            (stops(&out), refusal(&out)),
+            (is_stopped, separation),
+            "{peer_x_m}"
+        );
+    }
+}
+
 fn moving(x_m: f64, speed_mps: f64, is_armed: bool) -> In {
     match telemetry(x_m, speed_mps, 0.05) {
         In::Telemetry(telemetry) => In::Telemetry(Telemetry {

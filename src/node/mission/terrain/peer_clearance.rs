@@ -2,12 +2,11 @@
 //! vehicle that stands too near already may leave, and come no nearer.
 
 use crate::geom::{Lattice, Point, Segment, Track};
+use crate::node::peers::keeps_clear;
 use crate::plan::SearchGrid;
 
 /// A vehicle too near to a peer may leave it over places this near, metres.
 const LEAVE_M: f64 = 0.6;
-/// A way that comes nearer to a peer by less than this comes no nearer, metres: rounding.
-const NEARER_M: f64 = 1e-3;
 
 /// The clearance of a vehicle that sets out from a place.
 pub(super) struct PeerClearance {
@@ -26,11 +25,7 @@ impl PeerClearance {
         else {
             return true;
         };
-        let nearest_m = route.distance_to(&claim);
-        let here_m = claim.distance_to_point(route.start());
-        let leads_away =
-            nearest_m >= here_m - NEARER_M && claim.distance_to_point(route.end()) > here_m;
-        leads_away || nearest_m >= self.separation_m
+        keeps_clear(route.start(), &route, &claim, self.separation_m)
     }
 
     /// Closes what lies too near to a peer: to where it is, and to each piece of the way that it claims.
