@@ -85,6 +85,7 @@ impl History {
             board.take(now, input);
             return Ok(());
         }
+        self.make_room();
         // Without another part the newest one takes more.
         let begun = self.begin_part_when_due(now, board);
         let before = board.events().last();
@@ -179,7 +180,6 @@ impl History {
         let part = Part::new(now, board, buffer.unwrap_or_default());
         self.parts.push_back(part);
         self.bytes = self.sum_of_bytes();
-        self.make_room();
         Ok(())
     }
 
@@ -189,32 +189,36 @@ impl History {
         each.map(|(part, before)| part.bytes(before)).sum()
     }
 
+    /// Thins or drops one part, when there are too many bytes in those that are full: a step at a time, since each takes a while
+    /// and others wait.
     fn make_room(&mut self) {
-        while self.bytes > self.bytes_max && self.parts.len() > PARTS_KEPT {
-            let older = self.parts.len() - PARTS_KEPT;
-            let thinned = |place: &usize| self.parts[*place].thinned();
-            let place = (0..older).min_by_key(thinned).unwrap_or(0);
-            match THINNED.get(self.parts[place].thinned()) {
-                Some(interval) => {
-                    self.parts[place].thin(*interval);
-                    self.join_with_older(place);
-                }
-                None => drop(self.parts.pop_front()),
-            }
-            self.bytes = self.sum_of_bytes();
+        let open = self.parts.back().map_or(0, Part::open_bytes);
+        if self.bytes - open <= self.bytes_max || self.parts.len() <= PARTS_KEPT {
+            return;
         }
+        let older = self.parts.len() - PARTS_KEPT;
+        let thinned = |place: &usize| self.parts[*place].thinned();
+        let place = (0..older).min_by_key(thinned).unwrap_or(0);
+        match THINNED.get(self.parts[place].thinned()) {
+            Some(interval) => {
+                self.parts[place].thin(*interval);
+                self.join_with_older(place, *interval);
+            }
+            None => drop(self.parts.pop_front()),
+        }
+        self.bytes = self.sum_of_bytes();
     }
 
     /// Joins a part that was thinned with the one before it, when both are as thin and small enough together; otherwise closes
     /// it.
-    fn join_with_older(&mut self, place: usize) {
+    fn join_with_older(&mut self, place: usize, interval: Duration) {
         let newer = &self.parts[place];
         let joins = |older: &Part| older.thinned() == newer.thinned() && older.fits_with(newer);
         let before = place.checked_sub(1).filter(|at| joins(&self.parts[*at]));
         match before {
             Some(before) => {
                 if let Some(newer) = self.parts.remove(place) {
-                    self.parts[before].join(&newer);
+                    self.parts[before].join(&newer, interval);
                 }
             }
             None => drop(self.parts[place].close()),

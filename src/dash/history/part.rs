@@ -27,6 +27,8 @@ pub(super) struct Part {
     input_bytes: usize,
     storage: InputStorage,
     thinned: usize,
+    /// How often its inputs became fewer or more since it was full.
+    changes: usize,
 }
 
 /// The inputs of a part, one after another.
@@ -49,8 +51,7 @@ pub struct InflatedPart {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct PartName {
     from: Time,
-    inputs: usize,
-    thinned: usize,
+    changes: usize,
 }
 
 impl Part {
@@ -63,6 +64,7 @@ impl Part {
             input_bytes: 0,
             storage: InputStorage::Open(buffer),
             thinned: 0,
+            changes: 0,
         }
     }
 
@@ -113,10 +115,11 @@ impl Part {
         self.inputs >= INPUTS_MAX || self.input_bytes >= INPUT_BYTES_MAX
     }
 
-    /// Returns whether all inputs of both are few enough for one.
+    /// Returns whether all inputs of both are few enough for one. It may be twice as long as one that was not joined: plans, which
+    /// are long, are the first of which later ones replace others.
     pub(super) fn fits_with(&self, other: &Part) -> bool {
         self.inputs + other.inputs <= INPUTS_MAX
-            && self.input_bytes + other.input_bytes <= INPUT_BYTES_MAX
+            && self.input_bytes + other.input_bytes <= 2 * INPUT_BYTES_MAX
     }
 
     /// Returns how often it was thinned.
@@ -133,6 +136,14 @@ impl Part {
         self.board.bytes(before.map(Part::board)) + packed
     }
 
+    /// Returns the bytes of its inputs as long as more may come; 0 when they are compressed.
+    pub(super) fn open_bytes(&self) -> usize {
+        match &self.storage {
+            InputStorage::Open(packed) => packed.len(),
+            InputStorage::Compressed(_) => 0,
+        }
+    }
+
     /// Returns its inputs, in their order.
     pub(super) fn inputs<'a>(
         &'a self,
@@ -142,8 +153,22 @@ impl Part {
         std::iter::from_fn(move || PackedInput::read(&mut rest))
     }
 
-    /// Keeps only the last in each interval of what replaces itself; it is open then.
+    /// Keeps only the last in each interval of what replaces itself, a longer interval than before; it is open then.
     pub(super) fn thin(&mut self, interval: Duration) {
+        self.keep_last_of(interval);
+        self.thinned += 1;
+    }
+
+    /// Adds all inputs of the part that follows, thinned with the same interval as it is; it is compressed then.
+    pub(super) fn join(&mut self, newer: &Part, interval: Duration) {
+        let mut both = self.packed(&mut InflatedPart::default()).to_vec();
+        both.extend(newer.packed(&mut InflatedPart::default()));
+        self.storage = InputStorage::Open(both);
+        self.keep_last_of(interval);
+        self.close();
+    }
+
+    fn keep_last_of(&mut self, interval: Duration) {
         let mut inflated = InflatedPart::default();
         let inputs: Vec<PackedInput<'_>> = self.inputs(&mut inflated).collect();
         let (mut kept, mut seen) = (Vec::new(), BTreeSet::new());
@@ -163,18 +188,9 @@ impl Part {
         for packed in kept.iter().rev() {
             packed.write(&mut thin);
         }
-        (self.inputs, self.thinned) = (kept.len(), self.thinned + 1);
-        self.input_bytes = thin.len();
+        (self.inputs, self.input_bytes) = (kept.len(), thin.len());
+        self.changes += 1;
         self.storage = InputStorage::Open(thin);
-    }
-
-    /// Adds all inputs of the part that follows; it is compressed then.
-    pub(super) fn join(&mut self, newer: &Part) {
-        let mut both = self.packed(&mut InflatedPart::default()).to_vec();
-        both.extend(newer.packed(&mut InflatedPart::default()));
-        self.inputs += newer.inputs;
-        self.input_bytes = both.len();
-        self.storage = InputStorage::Compressed(deflate(&both));
     }
 
     fn packed<'a>(&'a self, inflated: &'a mut InflatedPart) -> &'a [u8] {
@@ -187,8 +203,7 @@ impl Part {
     fn name(&self) -> PartName {
         PartName {
             from: self.from,
-            inputs: self.inputs,
-            thinned: self.thinned,
+            changes: self.changes,
         }
     }
 }
