@@ -11,7 +11,8 @@
 //!
 //! One that is first heard in a mode in which it does not just stand was taken over before.
 //! A heartbeat tells the mode a second late, and one may be lost: a mode of before that shows within 3 s of a change of our
-//! own is no take-over. When it still shows after that, somebody has changed it back.
+//! own is no take-over. When it still shows after that, somebody has changed it back. In the same way a mode that was left
+//! and is told again may show from before: for 3 s that is no sign that it was taken.
 
 use std::time::Duration;
 
@@ -212,8 +213,12 @@ impl OwnModes {
             self.expected = Some(shown);
             return stands(shown);
         };
+        let is_recent = self
+            .changed
+            .is_some_and(|at| now.since(at) <= OLD_MODE_SHOWS);
+        let may_be_old = is_recent && self.before.contains(&shown);
         if shown == expected {
-            if self.change == ChangeOfMode::Told {
+            if self.change == ChangeOfMode::Told && !may_be_old {
                 self.change = ChangeOfMode::Accepted;
             }
             return true;
@@ -221,9 +226,6 @@ impl OwnModes {
         if !self.before.contains(&shown) {
             return false;
         }
-        let is_recent = self
-            .changed
-            .is_some_and(|at| now.since(at) <= OLD_MODE_SHOWS);
         match self.change {
             ChangeOfMode::Accepted => is_recent,
             // What was neither accepted nor ever showed has not taken place.

@@ -444,6 +444,37 @@ fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
 }
 
 #[test]
+fn a_mode_left_and_told_again_is_not_believed_by_what_shows_from_before() {
+    let mut rover = followed(VehicleKind::Rover);
+    assert_eq!(wanted(&mut rover, 4.0, drive()), [GUIDED]);
+    answered(&mut rover, 4.1, CommandAck::Accepted);
+    wanted(&mut rover, 4.2, follow(1));
+    let auto = [Command::Mode(FlightMode::Auto)];
+    // It gets lost, while the last heartbeat is of the AUTO before.
+    assert_eq!(
+        commands(&answered(&mut rover, 4.3, CommandAck::Accepted)),
+        auto
+    );
+    fed(
+        &mut rover,
+        4.4,
+        In::Report(in_mode(FlightMode::Auto, 1, false)),
+    );
+    assert_eq!(
+        wanted(&mut rover, 4.5, follow(1)),
+        [Command::SetCurrent(1)]
+    );
+    for time_s in [5.0, 6.0, 7.0, 7.5, 8.0, 9.0] {
+        let out = fed(
+            &mut rover,
+            time_s,
+            In::Report(in_mode(FlightMode::Guided, 1, false)),
+        );
+        assert_eq!(control(&out), None, "at {time_s} s");
+    }
+}
+
+#[test]
 fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
     let mut rover = link(VehicleKind::Rover, resting_report());
     let critical = AutopilotReport {
