@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, MissionPhase, MissionProgress, StandReason, State, VehicleId, VehicleMode,
+    Boot, Control, MissionPhase, MissionProgress, StandReason, State, VehicleId, VehicleMode,
 };
 
 use super::radio::BeaconReport;
@@ -29,8 +29,8 @@ const GONE_AFTER: Duration = Duration::from_secs(20);
 const STATE_COUNTS: Duration = Duration::from_secs(1);
 /// A way that comes nearer to a peer by less than this comes no nearer, metres: rounding.
 const NEARER_M: f64 = 1e-3;
-/// A vehicle that moves and is heard by radio alone claims this much ahead, metres: what it drives between two beacons
-/// and in braking, and more if it falls silent.
+/// A vehicle that moves and does not say whereto, since it is heard by radio alone or somebody else steers it, claims this much
+/// ahead, metres: what it drives between two beacons and in braking, and more if it falls silent.
 const AHEAD_M: f64 = 1.5;
 /// Beacons that are further apart than this tell of a motion, metres: the place believed drifts by less in a while.
 const MOVED_M: f64 = 0.25;
@@ -62,6 +62,8 @@ pub(super) struct Peer {
     pub claim: Vec<Point>,
     /// Whether it neither moves nor is about to.
     pub resting: bool,
+    /// Whether it moves while somebody else steers it: a person by remote control, or its autopilot by itself.
+    pub is_steered: bool,
     /// Whether it said that it does not know its place: it stands, somewhere near to where it was when it knew.
     pub is_lost: bool,
     /// When it was last heard to move, or first heard.
@@ -159,6 +161,9 @@ impl Peers {
             .leg
             .iter()
             .flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
+        let is_steered = !resting && matches!(state.control, Control::Remote | Control::Own);
+        // Who steers it does not say whereto.
+        let ahead = (is_steered && state.leg.is_none()).then(|| way_ahead(pose));
         let peer = Peer {
             edition: edition(state),
             lower: LowerNumbers::default(),
@@ -168,8 +173,9 @@ impl Peers {
             at: pose.at,
             heading: pose.heading,
             sd_m: pose.sd_m,
-            claim: std::iter::once(pose.at).chain(leg).collect(),
+            claim: std::iter::once(pose.at).chain(leg).chain(ahead).collect(),
             resting,
+            is_steered,
             is_lost,
             moved_at,
             expected_at: known.and_then(|known| known.expected_at),
@@ -232,6 +238,7 @@ impl Peers {
             sd_m: pose.sd_m,
             claim: vec![pose.at],
             resting: false,
+            is_steered: false,
             is_lost: false,
             moved_at: now,
             expected_at: self
@@ -313,8 +320,7 @@ impl Peer {
         (self.at, self.heading, self.sd_m, self.claim) =
             (pose.at, pose.heading, pose.sd_m, vec![pose.at]);
         if !self.resting {
-            self.claim
-                .push(pose.at + Vector::polar(pose.heading, AHEAD_M));
+            self.claim.push(way_ahead(pose));
         }
     }
 }
@@ -326,6 +332,11 @@ pub(super) fn join_states(unread: State, newer: State) -> State {
     } else {
         newer
     }
+}
+
+/// Returns up to where one claims the ground that moves and does not say whereto.
+fn way_ahead(pose: Pose) -> Point {
+    pose.at + Vector::polar(pose.heading, AHEAD_M)
 }
 
 fn has_lost_its_place(state: &State) -> bool {
@@ -504,6 +515,28 @@ mod tests {
                 "{sequence}: {reach_m} m"
             );
             assert_eq!(peer.is_lost, lost);
+        }
+    }
+
+    #[test]
+    fn one_that_somebody_else_steers_claims_some_way_ahead_while_it_moves() {
+        for (mode, control, expected_m) in [
+            (VehicleMode::Driving, Control::Remote, AHEAD_M),
+            (VehicleMode::Driving, Control::Own, AHEAD_M),
+            (VehicleMode::Driving, Control::Ours, 0.0),
+            (VehicleMode::Idle, Control::Remote, 0.0),
+        ] {
+            let mut peers = Peers::new(VehicleId(1));
+            let told = State {
+                mode,
+                control,
+                ..state(2, 3.0, 0.0)
+            };
+            peers.take(at(1.0), &told);
+            let peer = peers.get(VehicleId(2)).unwrap();
+            let end = *peer.claim.last().unwrap();
+            assert!((end.distance_to(peer.at) - expected_m).abs() < 1e-9);
+            assert_eq!(peer.is_steered, expected_m > 0.0, "{mode:?}, {control:?}");
         }
     }
 

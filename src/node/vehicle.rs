@@ -4,7 +4,8 @@
 //! the autopilot is to do, its own `State`, what is to be remembered, orders that are obeyed, and events. It checks every command against the envelope
 //! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
 //! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
-//! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead. It has the
+//! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead, and on plan for a peer
+//! that somebody else steers. It has the
 //! *reflex*: a scan nearer than the stopping distance halts the
 //! vehicle without map, plan or network. It stops as soon as it no longer knows where it is. It does not plan and does not
 //! know the map.
@@ -61,7 +62,10 @@ mod readiness;
 mod reflex;
 mod report;
 mod restraint;
+mod stored_way;
 mod take_over;
+
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
@@ -72,7 +76,7 @@ use tomoswarm_proto::{
 use self::drift::Drift;
 use self::emergency::Emergency;
 use self::last_telemetry::LastTelemetry;
-use self::movement::MovementOrder;
+use self::movement::{Braking, MovementOrder, REST_GRACE};
 use self::orders::{Accepted, Orders};
 use self::readiness::Readiness;
 use self::reflex::Reflex;
@@ -85,7 +89,7 @@ use super::sensor::Scan;
 use super::{OwnState, VehicleSettings};
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::autopilot::{ControlStatus, RemoteSwitch};
-use crate::geom::{Point, Vector};
+use crate::geom::{Point, Track, Vector};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
 
@@ -279,12 +283,14 @@ impl Vehicle {
         }
         match command {
             MoveCommand::Drive { is_off_plan, route } => {
-                let [from, corners @ ..] = route.as_slice() else {
+                let Some(track) = Track::new(route) else {
                     return;
                 };
-                self.movement.drive(now, is_off_plan, *from, corners);
+                self.movement
+                    .drive(now, is_off_plan, &track, self.braking(now));
+                let corners: Vec<Point> = track.segments().map(|piece| piece.to).collect();
                 out.push(Out::AutopilotCommand(AutopilotCommand::Drive {
-                    corners: self.drift.corrected(corners),
+                    corners: self.drift.corrected(&corners),
                     speed_mps: self.settings.body.speed_mps,
                 }));
             }
@@ -293,7 +299,8 @@ impl Vehicle {
                 out.push(Out::AutopilotCommand(AutopilotCommand::Turn(heading)));
             }
             MoveCommand::FollowStored { items, from } => {
-                self.movement.follow_stored(now, &items, from);
+                self.movement
+                    .follow_stored(now, &items, from, self.settings.home);
                 out.push(Out::AutopilotCommand(AutopilotCommand::FollowStored {
                     items,
                     from,
@@ -435,6 +442,18 @@ impl Vehicle {
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
         self.movement.stop(now, self.braking_end());
         out.push(Out::AutopilotCommand(AutopilotCommand::Stop));
+    }
+
+    /// Returns what is left of what it drives now, once it is told another route.
+    fn braking(&self, now: Time) -> Option<Braking> {
+        let telemetry = self.telemetry.of_any_age();
+        let drives = |telemetry: &&Telemetry| telemetry.motion == Motion::Driving;
+        let speed_mps = telemetry.filter(drives)?.speed_mps;
+        let braking_s = speed_mps / self.settings.body.braking_mps2;
+        Some(Braking {
+            end: self.braking_end()?,
+            until: now + REST_GRACE + Duration::try_from_secs_f64(braking_s).ok()?,
+        })
     }
 
     /// Returns where the vehicle comes to rest if it brakes now; `None` as long as nobody knows where it is.

@@ -460,10 +460,7 @@ fn a_mode_left_and_told_again_is_not_believed_by_what_shows_from_before() {
         4.4,
         In::Report(in_mode(FlightMode::Auto, 1, false)),
     );
-    assert_eq!(
-        wanted(&mut rover, 4.5, follow(1)),
-        [Command::SetCurrent(1)]
-    );
+    assert_eq!(wanted(&mut rover, 4.5, follow(1)), [Command::SetCurrent(1)]);
     for time_s in [5.0, 6.0, 7.0, 7.5, 8.0, 9.0] {
         let out = fed(
             &mut rover,

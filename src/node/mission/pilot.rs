@@ -104,8 +104,10 @@ pub(super) struct Pilot {
     purpose: WayPurpose,
     stretch: Stretch,
     command: StandingCommand,
-    /// What was commanded last.
+    /// What was commanded last and was not refused, as far as is known.
     commanded: Option<Commanded>,
+    /// What was commanded before that: driven on if that is refused.
+    before: Option<Commanded>,
     attempts: Attempts,
 }
 
@@ -148,6 +150,7 @@ impl Pilot {
             stretch: Stretch::Ordinary,
             command: StandingCommand::default(),
             commanded: None,
+            before: None,
             attempts: Attempts::default(),
         }
     }
@@ -233,9 +236,12 @@ impl Pilot {
         self.command.stop(now);
     }
 
-    /// Forgets the standing command, which was refused.
+    /// Forgets the standing command, which was refused: what the vehicle drives still is the one before it.
     pub(super) fn refused(&mut self, now: Time, why: CommandRefusal) {
-        self.command.refuse(now, why);
+        let gives_way =
+            matches!(why, CommandRefusal::Separation(peer) if peer < self.settings.vehicle);
+        self.command.refuse(now, why, gives_way);
+        self.commanded = self.before.take();
     }
 
     /// Goes on with what the vehicle says of itself; returns a command, if one is due.
@@ -382,7 +388,8 @@ impl Pilot {
         }
         self.command
             .drive(situation.now, self.way.odometer_m(until_m));
-        self.commanded = Commanded::along(&route, self.stretch);
+        let commanded = Commanded::along(&route, self.stretch);
+        self.before = std::mem::replace(&mut self.commanded, commanded);
         let is_off_plan = self.way.is_off_plan();
         MoveCommand::Drive { is_off_plan, route }
     }

@@ -6,9 +6,10 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
+use super::stored_way::{all_ways, track_of, way_ahead};
 use super::{Out, Vehicle};
 use crate::autopilot::{Item, Telemetry};
-use crate::geom::{Point, Pose, Track};
+use crate::geom::{Pose, Track};
 use crate::node::peers::{Peer, keeps_clear};
 use crate::time::Time;
 
@@ -77,7 +78,7 @@ impl Vehicle {
     }
 
     /// Checks a mission that the autopilot is to carry out: all its ways lie inside the fence, also those that jumps lead, and
-    /// the way to its next place keeps clear as a drive does.
+    /// the way to its next place keeps clear as a drive does; what it claims beyond that keeps clear of peers.
     fn check_stored(
         &self,
         now: Time,
@@ -86,17 +87,15 @@ impl Vehicle {
         from: usize,
     ) -> Result<(), CommandRefusal> {
         let pose = self.check_moving(now, decided, true)?.pose;
-        let first = items.iter().skip(from).find_map(Item::place);
-        if let Some(route) = first.and_then(|first| track_of(&[pose.at, first])) {
-            self.check_route(now, &route, pose)?;
+        let ahead = way_ahead(items, from, self.settings.home, pose.at);
+        if let Some(first) = track_of(&ahead[..ahead.len().min(2)]) {
+            self.check_route(now, &first, pose)?;
         }
-        match stored_ways(items, self.settings.home)
-            .iter()
-            .all(|way| self.stays_inside(way))
-        {
-            true => Ok(()),
-            false => Err(CommandRefusal::Fence),
+        let mut ways = all_ways(items, self.settings.home).into_iter();
+        if !ways.all(|way| self.stays_inside(&way)) {
+            return Err(CommandRefusal::Fence);
         }
+        track_of(&ahead).map_or(Ok(()), |ahead| self.check_peers(&ahead, pose))
     }
 
     fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), CommandRefusal> {
@@ -109,12 +108,15 @@ impl Vehicle {
         if self.reflex.is_in_the_way(now, route, pose.at) {
             return Err(CommandRefusal::ReflexObstacle);
         }
-        for (vehicle, peer) in self.peers.iter() {
-            if !self.keeps_clear_of(route, pose, peer) {
-                return Err(CommandRefusal::Separation(vehicle));
-            }
-        }
-        Ok(())
+        self.check_peers(route, pose)
+    }
+
+    fn check_peers(&self, route: &Track, pose: Pose) -> Result<(), CommandRefusal> {
+        let mut peers = self.peers.iter();
+        let met = peers.find(|(_, peer)| !self.keeps_clear_of(route, pose, peer));
+        met.map_or(Ok(()), |(vehicle, _)| {
+            Err(CommandRefusal::Separation(vehicle))
+        })
     }
 
     /// Returns whether the fence holds the body all along a route, and where wind may carry it from there. A vehicle that wind
@@ -155,7 +157,8 @@ impl Vehicle {
     }
 
     /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it; of a stored
-    /// mission, whose later ways nobody has judged against peers, also for one that rests there.
+    /// mission, whose later ways nobody has judged against peers, also for one that rests there. For a peer that somebody else
+    /// steers, which follows no plan, a vehicle on plan stops as well.
     pub(super) fn yield_to(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
         let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else {
             return;
@@ -165,10 +168,11 @@ impl Vehicle {
         let Some(peer) = self.peers.get(vehicle).filter(counts) else {
             return;
         };
-        let route = self
-            .movement
-            .way_off_plan_from(pose.at)
-            .and_then(Track::new);
+        let route = match peer.is_steered {
+            true => self.movement.route_from(pose.at),
+            false => self.movement.way_off_plan_from(pose.at),
+        };
+        let route = route.and_then(Track::new);
         if route.is_some_and(|route| !self.keeps_clear_of(&route, pose, peer)) {
             self.stop(now, out);
             out.push(Out::SafetyEvent(SafetyEvent::Refused(
@@ -176,36 +180,4 @@ impl Vehicle {
             )));
         }
     }
-}
-
-/// Returns the ways between the places of a mission: from each to the next, and to where jumps and returns lead.
-fn stored_ways(items: &[Item], home: Point) -> Vec<Track> {
-    let place_from = |item: usize| items.iter().skip(item).find_map(Item::place);
-    let mut at = None;
-    let mut ways = Vec::new();
-    for item in items.iter().skip(1) {
-        let next = match item {
-            Item::Jump { to, .. } => place_from(*to),
-            Item::Return => Some(home),
-            other => other.place(),
-        };
-        if let (Some(from), Some(to)) = (at, next) {
-            ways.extend(track_of(&[from, to]));
-        }
-        at = match item {
-            Item::Jump { .. } => at,
-            _ => next.or(at),
-        };
-    }
-    ways
-}
-
-/// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
-fn track_of(route: &[Point]) -> Option<Track> {
-    let finite = route
-        .iter()
-        .all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
-    (route.len() >= 2 && finite)
-        .then(|| Track::new(route.to_vec()))
-        .flatten()
 }

@@ -7,8 +7,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
+use super::stored_way::way_ahead;
 use crate::autopilot::{Item, StoredPhase, StoredProgress};
-use crate::geom::{Angle, Point, Segment};
+use crate::geom::{Angle, Point, Segment, Track};
 use crate::time::Time;
 
 /// After this long a resting autopilot has ended the drive that it was told.
@@ -16,10 +17,16 @@ pub(super) const REST_GRACE: Duration = Duration::from_millis(300);
 /// What telemetry does not show yet is said again this often.
 pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 
-/// Of a stored mission so many places ahead are claimed: when one is passed, the autopilot is on its way to the next.
-const CLAIMED: usize = 2;
 /// Autopilots pass a corner this near to it at the latest, metres: 0.25 m by their own place, which may be off.
 const PASSED_M: f64 = 0.35;
+/// This near to a corner it is reached, metres.
+const REACHED_M: f64 = 0.05;
+/// Who is farther from a corner again by this than it was has turned there, metres: the place believed jumps by less.
+const TURNED_M: f64 = 0.1;
+/// Who is this far along the piece beyond a corner has turned there, metres: at the latest where it turned at [`PASSED_M`].
+const BEYOND_M: f64 = 0.5;
+/// Where a braking ends this near to the new route, that claims it, metres.
+const BESIDE_M: f64 = 0.05;
 /// Who turns at a corner is this near to it, metres.
 const HERE_M: f64 = 0.1;
 
@@ -56,6 +63,19 @@ pub(super) struct Leg {
     passed: Point,
     /// What lies ahead; never empty.
     corners: VecDeque<Point>,
+    /// How near to the next corner it has come, along the piece that leads there, metres; `None` = not yet near.
+    nearest_m: Option<f64>,
+    /// The end of what it was driving before.
+    braking: Option<Braking>,
+}
+
+/// What is still driven of a leg after another one was told.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct Braking {
+    /// Where it ends.
+    pub end: Point,
+    /// When it ends at the latest.
+    pub until: Time,
 }
 
 /// The places of a mission that the autopilot carries out.
@@ -64,8 +84,10 @@ pub(super) struct StoredWay {
     since: Time,
     /// The item under way.
     item: usize,
-    /// Where each item leads, if it leads anywhere; item 0 is home.
-    places: Vec<Option<Point>>,
+    /// All items; item 0 is home.
+    items: Vec<Item>,
+    /// Where returns lead.
+    home: Point,
 }
 
 /// A stop, said again until telemetry shows rest.
@@ -78,14 +100,23 @@ pub(super) struct RepeatedStop {
 }
 
 impl MovementOrder {
-    /// Drives from a place along corners, the first of which lies ahead, from now on.
-    pub(super) fn drive(&mut self, now: Time, is_off_plan: bool, from: Point, corners: &[Point]) {
-        let corners = corners.iter().copied().collect();
+    /// Drives along a route of two corners or more, which begins where it is, from now on; what it drives now may have a braking
+    /// of its own. A route of fewer corners changes nothing.
+    pub(super) fn drive(
+        &mut self,
+        now: Time,
+        is_off_plan: bool,
+        route: &Track,
+        braking: Option<Braking>,
+    ) {
+        let is_beside = |braking: &Braking| route.distance_to_point(braking.end) > BESIDE_M;
         *self = MovementOrder::Driving(Leg {
             since: now,
             is_off_plan,
-            passed: from,
-            corners,
+            passed: route.start(),
+            corners: route.segments().map(|piece| piece.to).collect(),
+            nearest_m: None,
+            braking: braking.filter(is_beside),
         });
     }
 
@@ -103,11 +134,12 @@ impl MovementOrder {
     }
 
     /// Lets the autopilot carry out a mission, from an item on.
-    pub(super) fn follow_stored(&mut self, now: Time, items: &[Item], from: usize) {
+    pub(super) fn follow_stored(&mut self, now: Time, items: &[Item], from: usize, home: Point) {
         *self = MovementOrder::FollowingStored(StoredWay {
             since: now,
             item: from,
-            places: items.iter().map(Item::place).collect(),
+            items: items.to_vec(),
+            home,
         });
     }
 
@@ -165,7 +197,7 @@ impl MovementOrder {
         match self {
             MovementOrder::Idle => {}
             MovementOrder::Driving(leg) => {
-                leg.pass(telemetry.pose.at);
+                leg.take(now, telemetry);
                 if has_ended(leg.since) {
                     let end = leg.corners.back().copied();
                     *self = MovementOrder::Idle;
@@ -174,7 +206,7 @@ impl MovementOrder {
             }
             MovementOrder::Turning { since, leg } => {
                 if let Some(leg) = leg {
-                    leg.pass(telemetry.pose.at);
+                    leg.take(now, telemetry);
                 }
                 leg.take_if(|leg| has_ended(leg.since));
                 if has_ended(*since) {
@@ -234,7 +266,7 @@ impl MovementOrder {
         match self {
             MovementOrder::Idle | MovementOrder::Turning { leg: None, .. } => None,
             MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
-                Some(leg.way_from(at))
+                Some(leg.claim_from(at))
             }
             MovementOrder::FollowingStored(way) => Some(way.way_from(at)),
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
@@ -253,6 +285,11 @@ impl MovementOrder {
             | MovementOrder::Stopped(_)
             | MovementOrder::Halted(_) => None,
         }
+    }
+
+    /// Returns what is left of the way that it is to drive, on plan or off it; `None` when it stands, turns or brakes.
+    pub(super) fn route_from(&self, at: Point) -> Option<Vec<Point>> {
+        self.leg_from(at).or_else(|| self.way_off_plan_from(at))
     }
 
     /// Returns the direction in which it goes on along its leg when it has turned at a corner; `None` without a leg.
@@ -294,6 +331,14 @@ impl MovementOrder {
 }
 
 impl Leg {
+    /// Takes what telemetry shows: drops what lies behind.
+    fn take(&mut self, now: Time, telemetry: &Telemetry) {
+        self.pass(telemetry.pose.at);
+        let still_brakes = telemetry.motion == Motion::Driving;
+        self.braking
+            .take_if(|braking| !still_brakes || now >= braking.until);
+    }
+
     /// Drops the corners that lie behind; the last one stays. Being beside the piece beyond a corner does not do: where a way
     /// turns back, that is so long before the corner.
     fn pass(&mut self, at: Point) {
@@ -301,13 +346,29 @@ impl Leg {
             let corner = self.corners[0];
             let to_corner = Segment::new(self.passed, corner);
             let left_m = (1.0 - to_corner.nearest_share(at)) * to_corner.length_m();
-            let is_beyond = Segment::new(corner, self.corners[1]).nearest_share(at) > 0.0;
-            if left_m > PASSED_M || !is_beyond {
+            let beyond = Segment::new(corner, self.corners[1]);
+            let beyond_m = beyond.nearest_share(at) * beyond.length_m();
+            if left_m <= PASSED_M {
+                self.nearest_m = Some(self.nearest_m.map_or(left_m, |least_m| least_m.min(left_m)));
+            }
+            let is_passed = self.nearest_m.is_some_and(|least_m| {
+                least_m <= REACHED_M || left_m > least_m + TURNED_M || beyond_m >= BEYOND_M
+            });
+            if !is_passed || beyond_m <= 0.0 {
                 break;
             }
-            self.passed = corner;
+            (self.passed, self.nearest_m) = (corner, None);
             self.corners.pop_front();
         }
+    }
+
+    /// Returns the ground that it claims: its way, and first where it brakes beside it.
+    fn claim_from(&self, at: Point) -> Vec<Point> {
+        let mut claim = self.way_from(at);
+        if let Some(braking) = self.braking {
+            claim.splice(0..0, [at, braking.end]);
+        }
+        claim
     }
 
     fn way_from(&self, at: Point) -> Vec<Point> {
@@ -344,10 +405,9 @@ impl StoredWay {
         }
     }
 
-    /// Returns the way to the next two places, from where it is.
+    /// Returns the way that is claimed, from where it is.
     fn way_from(&self, at: Point) -> Vec<Point> {
-        let places = self.places.iter().skip(self.item).flatten().copied();
-        std::iter::once(at).chain(places.take(CLAIMED)).collect()
+        way_ahead(&self.items, self.item, self.home, at)
     }
 }
 
@@ -360,6 +420,8 @@ impl RepeatedStop {
             is_off_plan: false,
             passed: self.braking_end?,
             corners,
+            nearest_m: None,
+            braking: None,
         })
     }
 }
@@ -376,6 +438,11 @@ mod tests {
 
     fn point(x_m: f64) -> Point {
         Point::new(x_m, 0.0)
+    }
+
+    /// A route along x.
+    fn route(corners_m: &[f64]) -> Track {
+        Track::new(corners_m.iter().map(|x_m| point(*x_m)).collect()).unwrap()
     }
 
     fn telemetry(x_m: f64, motion: Motion) -> Telemetry {
@@ -410,7 +477,7 @@ mod tests {
             movement
         };
         let drive = |movement: &mut MovementOrder| {
-            movement.drive(at(1.0), true, point(0.0), &[point(2.0), point(4.0)])
+            movement.drive(at(1.0), true, &route(&[0.0, 2.0, 4.0]), None)
         };
         [
             ("Idle", told(&|_| {})),
@@ -422,7 +489,7 @@ mod tests {
             ),
             (
                 "FollowingStored",
-                told(&|movement| movement.follow_stored(at(1.0), &mission(), 1)),
+                told(&|movement| movement.follow_stored(at(1.0), &mission(), 1, point(-9.0))),
             ),
             ("Stopped", told(&|movement| movement.stop(at(1.0), None))),
             (
@@ -445,7 +512,7 @@ mod tests {
                 variant_of(&movement)
             };
             assert_eq!(
-                after(&|it| it.drive(at(2.0), true, point(0.0), &[point(1.0)])),
+                after(&|it| it.drive(at(2.0), true, &route(&[0.0, 1.0]), None)),
                 "Driving",
                 "from {from}"
             );
@@ -503,8 +570,8 @@ mod tests {
             movement.take(at(1.1), &telemetry(3.0, Motion::Driving));
             assert_eq!(
                 movement.way_from(point(3.0)).map(|way| way.len()),
-                // Of a stored mission the autopilot says what is passed.
-                expected.map(|_| if kind == "FollowingStored" { 3 } else { 2 }),
+                // Of a stored mission the autopilot says what is passed, and two places are not far enough.
+                expected.map(|_| if kind == "FollowingStored" { 4 } else { 2 }),
                 "{kind}, on its way"
             );
             movement.take(at(1.4), &telemetry(3.0, Motion::Resting));
@@ -517,16 +584,60 @@ mod tests {
         // Out to 4 m, and 1 m back beside the way there.
         let (corner, end) = (point(4.0), Point::new(3.0, 0.3));
         let mut movement = MovementOrder::default();
-        movement.drive(at(1.0), true, point(0.0), &[corner, end]);
+        let out_and_back = Track::new(vec![point(0.0), corner, end]).unwrap();
+        movement.drive(at(1.0), true, &out_and_back, None);
         let mut way_at = |x_m: f64| {
             movement.take(at(2.0), &telemetry(x_m, Motion::Driving));
             movement.way_from(point(x_m))
         };
-        for x_m in [0.0, 2.0, 3.2, 3.6] {
+        // It turns 0.2 m before the corner.
+        for x_m in [0.0, 2.0, 3.2, 3.6, 3.8, 3.72] {
             assert_eq!(way_at(x_m), Some(vec![point(x_m), corner, end]), "{x_m}");
         }
-        assert_eq!(way_at(3.8), Some(vec![point(3.8), end]));
-        assert_eq!(way_at(3.4), Some(vec![point(3.4), end]), "on its way back");
+        assert_eq!(way_at(3.6), Some(vec![point(3.6), end]), "on its way back");
+    }
+
+    #[test]
+    fn a_corner_is_claimed_until_it_is_reached_or_the_piece_beyond_it_is_driven() {
+        let (corner, end) = (point(4.0), Point::new(4.0, 3.0));
+        let around = Track::new(vec![point(0.0), corner, end]).unwrap();
+        let claims_corner = |places: &[(f64, f64)]| {
+            let mut movement = MovementOrder::default();
+            movement.drive(at(1.0), true, &around, None);
+            for (x_m, y_m) in places {
+                let mut shown = telemetry(*x_m, Motion::Driving);
+                shown.pose.at.y_m = *y_m;
+                movement.take(at(2.0), &shown);
+            }
+            movement.way_from(point(0.0)).unwrap().contains(&corner)
+        };
+        assert!(claims_corner(&[(3.7, 0.0), (3.9, 0.1)]));
+        assert!(!claims_corner(&[(3.7, 0.0), (3.96, 0.1)]), "reached");
+        // Far inside of it, it is never near.
+        assert!(claims_corner(&[(3.7, 0.1), (3.7, 0.4)]));
+        assert!(!claims_corner(&[(3.7, 0.1), (3.7, 0.55)]), "beyond it");
+    }
+
+    #[test]
+    fn where_it_brakes_beside_its_new_route_is_claimed_until_it_has() {
+        let brakes = |end: Point, motion, time_s: f64| {
+            let mut movement = MovementOrder::default();
+            let until = at(1.5);
+            let braking = Some(Braking { end, until });
+            movement.drive(at(1.0), true, &route(&[0.0, 4.0]), braking);
+            movement.take(at(time_s), &telemetry(0.1, motion));
+            let claimed = movement.way_from(point(0.1));
+            assert_eq!(
+                movement.leg_from(point(0.1)),
+                Some(vec![point(0.1), point(4.0)])
+            );
+            claimed.unwrap().len() > 2
+        };
+        let beside = Point::new(0.1, -0.3);
+        assert!(brakes(beside, Motion::Driving, 1.4));
+        assert!(!brakes(beside, Motion::Driving, 1.5), "it has");
+        assert!(!brakes(beside, Motion::Turning, 1.2), "it has");
+        assert!(!brakes(point(0.3), Motion::Driving, 1.2), "on its route");
     }
 
     #[test]
@@ -536,7 +647,7 @@ mod tests {
             ..telemetry(x_m, Motion::Resting)
         };
         let mut movement = MovementOrder::default();
-        movement.follow_stored(at(1.0), &mission(), 1);
+        movement.follow_stored(at(1.0), &mission(), 1, point(-9.0));
         movement.take(at(9.0), &shown(0.0, 0, StoredPhase::Preparing));
         assert_eq!(
             movement.way_from(point(0.0)),
@@ -565,13 +676,13 @@ mod tests {
     #[test]
     fn only_a_leg_off_plan_yields_and_no_longer_once_it_brakes() {
         let mut movement = MovementOrder::default();
-        movement.drive(at(1.0), false, point(0.0), &[point(2.0)]);
+        movement.drive(at(1.0), false, &route(&[0.0, 2.0]), None);
         assert_eq!(
             movement.way_off_plan_from(point(0.0)),
             None,
             "a plan says who goes first"
         );
-        movement.drive(at(1.0), true, point(0.0), &[point(2.0)]);
+        movement.drive(at(1.0), true, &route(&[0.0, 2.0]), None);
         assert_eq!(
             movement.way_off_plan_from(point(0.0)),
             Some(vec![point(0.0), point(2.0)])

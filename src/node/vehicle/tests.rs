@@ -679,6 +679,33 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
 }
 
 #[test]
+fn on_plan_as_well_a_vehicle_stops_for_a_peer_that_somebody_else_steers() {
+    for (control, is_stopped) in [
+        (Control::Ours, false),
+        (Control::Remote, true),
+        (Control::Own, true),
+    ] {
+        let mut vehicle = vehicle();
+        let route = vec![Point::new(0.0, 0.0), Point::new(6.0, 0.0)];
+        let is_off_plan = false;
+        let command = MoveCommand::Drive { is_off_plan, route };
+        assert!(flies(&fed(
+            &mut vehicle,
+            1.0,
+            In::Command(at(1.0), command)
+        )));
+        // It stands still 1.8 m beside the way, and faces it.
+        let mut driven = super::super::tests_support::state(2, 4.0, 1.8);
+        if let Some(pose) = &mut driven.pose {
+            pose.heading = tomoswarm_proto::Heading::from_radians(-std::f64::consts::FRAC_PI_2);
+        }
+        (driven.mode, driven.control) = (VehicleMode::Driving, control);
+        let out = fed(&mut vehicle, 1.4, In::Peer(driven));
+        assert_eq!(stops(&out), is_stopped, "{control:?}");
+    }
+}
+
+#[test]
 fn a_leg_that_leads_to_a_peer_at_rest_is_not_driven_on_when_the_command_after_it_is_refused() {
     for (peer_x_m, is_stopped) in [(4.0, true), (9.0, false)] {
         let mut vehicle = vehicle();

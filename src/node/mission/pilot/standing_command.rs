@@ -99,11 +99,16 @@ impl StandingCommand {
         self.is_outdated = false;
     }
 
-    /// Records that the command was refused.
-    pub(super) fn refuse(&mut self, now: Time, why: CommandRefusal) {
+    /// Records that the command was refused, or given up by the vehicle: one that drives goes on by the command before it, or
+    /// brakes. Of two that brake for each other the one that `gives_way` waits until it has heard whether the other goes on.
+    pub(super) fn refuse(&mut self, now: Time, why: CommandRefusal, gives_way: bool) {
         self.refusals += 1;
         self.last_refusal = Some(why);
         self.stop(now);
+        self.is_outdated = self.is_driving;
+        if self.is_driving && gives_way {
+            self.given_at = now + RETRY_AFTER;
+        }
     }
 
     /// Forgets where the command ends: the way has changed.
@@ -189,6 +194,8 @@ pub(super) fn renewal_m(left_m: f64, free: &FreeWay) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::VehicleId;
+
     use super::*;
 
     fn at(time_s: f64) -> Time {
@@ -251,8 +258,26 @@ mod tests {
         command.drive(at(1.0), 3.0);
         command.turn(at(2.0));
         assert_eq!(command.end_m(), Some(3.0));
-        command.refuse(at(3.0), CommandRefusal::Fence);
+        command.refuse(at(3.0), CommandRefusal::Fence, false);
         assert_eq!(command.end_m(), None);
+    }
+
+    #[test]
+    fn of_two_that_brake_for_each_other_one_waits_longer() {
+        let separation = CommandRefusal::Separation(VehicleId(1));
+        for (mode, gives_way, expected_s) in [
+            (VehicleMode::Driving, true, 1.2),
+            (VehicleMode::Driving, false, 0.6),
+            (VehicleMode::Idle, true, 0.6),
+        ] {
+            let mut command = StandingCommand::default();
+            command.drive(at(1.0), 3.0);
+            command.watch(mode);
+            command.refuse(at(5.0), separation, gives_way);
+            let is_settled = |time_s: f64| command.is_settled(at(time_s));
+            assert!(!is_settled(4.99 + expected_s), "{mode:?}, {gives_way}");
+            assert!(is_settled(5.01 + expected_s), "{mode:?}, {gives_way}");
+        }
     }
 
     #[test]
@@ -268,6 +293,7 @@ mod tests {
         for change in [
             StandingCommand::forget_end as fn(&mut StandingCommand),
             StandingCommand::give_up_way,
+            |command| command.refuse(at(2.0), CommandRefusal::Fence, false),
         ] {
             assert!(outdated(change).is_outdated());
             for end in [
@@ -290,7 +316,7 @@ mod tests {
     }
 
     fn refuse(command: &mut StandingCommand, times: u32) {
-        (0..times).for_each(|_| command.refuse(at(1.0), CommandRefusal::Fence));
+        (0..times).for_each(|_| command.refuse(at(1.0), CommandRefusal::Fence, false));
     }
 
     #[test]

@@ -444,3 +444,27 @@ fn who_still_drives_by_its_last_command_stops_for_what_has_come_up_there() {
         assert_eq!(rerouted(change, Some(1.0)), Some(MoveCommand::Hold));
     }
 }
+
+#[test]
+fn who_drives_on_after_a_refusal_stops_for_what_has_come_up_there() {
+    let refused = |wall_x_m: Option<f64>| {
+        let mut rig = Rig::open();
+        rig.pilot.append([], LEFT, None);
+        assert!(matches!(rig.after(1.0).0, Some(MoveCommand::Drive { .. })));
+        (rig.own.mode, rig.own.pose.at) = (VehicleMode::Driving, Point::new(0.0, 0.0));
+        let renewed = rig.after(1.0).0;
+        assert!(matches!(renewed, Some(MoveCommand::Drive { .. })));
+        rig.pilot.refused(rig.now(), CommandRefusal::ReflexObstacle);
+        if let Some(wall_x_m) = wall_x_m {
+            rig.terrain = terrain_of(|x_m, _| (wall_x_m..wall_x_m + 0.4).contains(&x_m));
+        }
+        rig.after(0.1).0
+    };
+    assert_eq!(refused(None), None, "it is free still");
+    assert_eq!(
+        refused(Some(-2.5)),
+        None,
+        "beyond the end of what it drives"
+    );
+    assert_eq!(refused(Some(-0.9)), Some(MoveCommand::Hold));
+}

@@ -91,3 +91,16 @@ fn it_is_braked_for_a_peer_that_rests_on_its_way_and_for_none_beside_it() {
     assert_eq!((stops(&out), refusal(&out)), expected);
     assert!(!stops(&met(5.0, 3.0)));
 }
+
+#[test]
+fn one_whose_second_way_leads_to_a_peer_at_rest_does_not_begin() {
+    let begun = |x_m: f64| {
+        let mut vehicle = vehicle();
+        fed(&mut vehicle, 1.0, In::Peer(state(2, x_m, 2.0)));
+        fed(&mut vehicle, 1.1, follow(&[to(3.0, 0.0), to(3.0, 3.0)]))
+    };
+    let out = begun(3.0);
+    let expected = (false, Some(CommandRefusal::Separation(VehicleId(2))));
+    assert_eq!((follows(&out), refusal(&out)), expected);
+    assert!(follows(&begun(6.0)));
+}
