@@ -146,7 +146,9 @@ impl Peers {
             return;
         }
         let known = self.newest.get(&state.vehicle);
+        let is_steered = is_steered(state);
         let resting = state.leg.is_none()
+            && !is_steered
             && !matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning);
         let moved_at = known
             .filter(|_| resting)
@@ -155,15 +157,14 @@ impl Peers {
         let is_lost = has_lost_its_place(state);
         let knows = !is_lost || known.is_none();
         let Some(pose) = state.pose.filter(|_| knows).map(Pose::from) else {
-            return self.take_without_place(now, state, resting);
+            return self.take_without_place(now, state, (resting, is_steered));
         };
         let leg = state
             .leg
             .iter()
             .flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
-        let is_steered = !resting && matches!(state.control, Control::Remote | Control::Own);
         // Who steers it does not say whereto.
-        let ahead = (is_steered && state.leg.is_none()).then(|| way_ahead(pose));
+        let ahead = is_steered.then(|| way_ahead(pose));
         let peer = Peer {
             edition: edition(state),
             lower: LowerNumbers::default(),
@@ -187,13 +188,18 @@ impl Peers {
     }
 
     /// Takes a state that tells no place: a known place stays, and a vehicle never placed stays unknown.
-    fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
+    fn take_without_place(
+        &mut self,
+        now: Time,
+        state: &State,
+        (resting, is_steered): (bool, bool),
+    ) {
         let Some(peer) = self.newest.get_mut(&state.vehicle) else {
             return;
         };
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
         peer.lower = LowerNumbers::default();
-        peer.resting = resting;
+        (peer.resting, peer.is_steered) = (resting, is_steered);
         peer.is_lost = has_lost_its_place(state);
         if peer.is_lost && resting {
             peer.claim = ground_around(peer.at, peer.sd_m);
@@ -332,6 +338,14 @@ pub(super) fn join_states(unread: State, newer: State) -> State {
     } else {
         newer
     }
+}
+
+/// Returns whether a vehicle moves by somebody else's will, whatever stands against it here. One whose autopilot has fallen silent
+/// meanwhile may be steered still.
+fn is_steered(state: &State) -> bool {
+    let moves = matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning);
+    let is_ours = state.control == Control::Ours || state.leg.is_some();
+    !is_ours && (moves || !state.is_at_rest)
 }
 
 /// Returns up to where one claims the ground that moves and does not say whereto.
@@ -523,13 +537,17 @@ mod tests {
         for (mode, control, expected_m) in [
             (VehicleMode::Driving, Control::Remote, AHEAD_M),
             (VehicleMode::Driving, Control::Own, AHEAD_M),
+            (VehicleMode::Driving, Control::Silent, AHEAD_M),
             (VehicleMode::Driving, Control::Ours, 0.0),
             (VehicleMode::Idle, Control::Remote, 0.0),
+            // It is driven although it was stopped.
+            (VehicleMode::Stopped, Control::Remote, AHEAD_M),
         ] {
             let mut peers = Peers::new(VehicleId(1));
             let told = State {
                 mode,
                 control,
+                is_at_rest: mode == VehicleMode::Idle,
                 ..state(2, 3.0, 0.0)
             };
             peers.take(at(1.0), &told);

@@ -240,8 +240,11 @@ impl Pilot {
     pub(super) fn refused(&mut self, now: Time, why: CommandRefusal) {
         let gives_way =
             matches!(why, CommandRefusal::Separation(peer) if peer < self.settings.vehicle);
+        // A refusal comes at once; later the vehicle gives up what it had accepted.
+        if !self.command.is_settled(now) {
+            self.commanded = self.before.take();
+        }
         self.command.refuse(now, why, gives_way);
-        self.commanded = self.before.take();
     }
 
     /// Goes on with what the vehicle says of itself; returns a command, if one is due.

@@ -1,4 +1,4 @@
-//! The envelope: what is refused whatever the mission says, and when a vehicle off plan stops for a peer. It commands
+//! The envelope: what is refused whatever the mission says, and when a vehicle stops for a peer that moves. It commands
 //! nothing but a stop.
 
 use std::time::Duration;
@@ -95,7 +95,11 @@ impl Vehicle {
         if !ways.all(|way| self.stays_inside(&way)) {
             return Err(CommandRefusal::Fence);
         }
-        track_of(&ahead).map_or(Ok(()), |ahead| self.check_peers(&ahead, pose))
+        match track_of(&ahead) {
+            Some(ahead) if !self.stays_inside(&ahead) => Err(CommandRefusal::Fence),
+            Some(ahead) => self.check_peers(&ahead, pose),
+            None => Ok(()),
+        }
     }
 
     fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), CommandRefusal> {

@@ -27,7 +27,7 @@ const TURNED_M: f64 = 0.1;
 const BEYOND_M: f64 = 0.5;
 /// Where a braking ends this near to the new route, that claims it, metres.
 const BESIDE_M: f64 = 0.05;
-/// Who turns at a corner is this near to it, metres.
+/// A corner this near is no direction, metres.
 const HERE_M: f64 = 0.1;
 
 /// What the vehicle was told last about moving.
@@ -352,7 +352,9 @@ impl Leg {
                 self.nearest_m = Some(self.nearest_m.map_or(left_m, |least_m| least_m.min(left_m)));
             }
             let is_passed = self.nearest_m.is_some_and(|least_m| {
-                least_m <= REACHED_M || left_m > least_m + TURNED_M || beyond_m >= BEYOND_M
+                least_m <= REACHED_M
+                    || left_m > least_m + TURNED_M
+                    || beyond_m >= BEYOND_M.min(beyond.length_m())
             });
             if !is_passed || beyond_m <= 0.0 {
                 break;
@@ -377,11 +379,14 @@ impl Leg {
             .collect()
     }
 
-    /// Returns the direction to the first corner that is not here.
+    /// Returns the direction to the first corner that is not here: one at which the autopilot may turn is left out, although it
+    /// is claimed still.
     fn direction_beyond(&self, at: Point) -> Angle {
+        let turns_here = self.corners.len() > 1 && at.distance_to(self.corners[0]) <= PASSED_M;
         let ahead = self
             .corners
             .iter()
+            .skip(usize::from(turns_here))
             .find(|corner| at.distance_to(**corner) > HERE_M);
         ahead
             .or(self.corners.back())
@@ -616,6 +621,41 @@ mod tests {
         // Far inside of it, it is never near.
         assert!(claims_corner(&[(3.7, 0.1), (3.7, 0.4)]));
         assert!(!claims_corner(&[(3.7, 0.1), (3.7, 0.55)]), "beyond it");
+    }
+
+    #[test]
+    fn a_corner_before_a_short_piece_is_passed_as_well() {
+        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 0.4), (3.9, 5.0)];
+        let corners = corners.map(|(x_m, y_m)| Point::new(x_m, y_m));
+        let mut movement = MovementOrder::default();
+        let zigzag = Track::new(corners.to_vec()).unwrap();
+        movement.drive(at(1.0), true, &zigzag, None);
+        for (x_m, y_m) in [(3.75, 0.0), (3.85, 0.2), (3.9, 1.0)] {
+            let mut shown = telemetry(x_m, Motion::Driving);
+            shown.pose.at.y_m = y_m;
+            movement.take(at(2.0), &shown);
+        }
+        let here = Point::new(3.9, 1.0);
+        assert_eq!(movement.way_from(here), Some(vec![here, corners[3]]));
+    }
+
+    #[test]
+    fn who_turns_at_a_corner_sets_out_beyond_it_although_it_claims_it() {
+        for beyond in [Point::new(1.0, 0.5), Point::new(4.0, 3.0)] {
+            let corner = point(4.0);
+            let mut movement = MovementOrder::default();
+            let around = Track::new(vec![point(0.0), corner, beyond]).unwrap();
+            movement.drive(at(1.0), true, &around, None);
+            let here = point(3.75);
+            movement.take(at(2.0), &telemetry(3.75, Motion::Turning));
+            assert!(movement.way_from(here).unwrap().contains(&corner));
+            assert_eq!(movement.sets_out_toward(here), Some(here.angle_to(beyond)));
+            assert_eq!(
+                movement.sets_out_toward(point(3.0)),
+                Some(Angle::default()),
+                "still far from it"
+            );
+        }
     }
 
     #[test]

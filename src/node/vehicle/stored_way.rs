@@ -8,9 +8,11 @@ use crate::geom::{Point, Track};
 const PLACES: usize = 2;
 /// So much of the way is claimed at least, metres: what a vehicle needs to stop for one that stops for it.
 const AHEAD_M: f64 = 4.0;
+/// So many corners are claimed at most: of a mission of many items at nearly one place.
+const CORNERS_MAX: usize = 64;
 
 /// Returns the way that an autopilot takes from a place, from an item of a mission on, as far as a vehicle claims it: its next two
-/// places, and 4 m or the end. Where a jump may be taken or not, it leads there and back again.
+/// places, and 4 m, or the end, or 64 corners. Where a jump may be taken or not, it leads there and back again.
 pub(super) fn way_ahead(items: &[Item], from: usize, home: Point, at: Point) -> Vec<Point> {
     let mut way = vec![at];
     let (mut here, mut places, mut length_m, mut index) = (at, 0, 0.0, from);
@@ -31,12 +33,14 @@ pub(super) fn way_ahead(items: &[Item], from: usize, home: Point, at: Point) -> 
                 if let Some(place) = place_of(other, home) {
                     length_m += here.distance_to(place);
                     places += 1;
-                    way.push(place);
+                    if place != here {
+                        way.push(place);
+                    }
                     here = place;
                 }
             }
         }
-        if places >= PLACES && length_m >= AHEAD_M {
+        if places >= PLACES && length_m >= AHEAD_M || way.len() >= CORNERS_MAX {
             break;
         }
     }
@@ -134,6 +138,14 @@ mod tests {
     fn a_jump_that_leads_round_and_round_ends() {
         let round = [to(0.0), Item::Speed(1.0), jump(1, None)];
         assert_eq!(ahead(&round, 1), [0.0; 0]);
-        assert_eq!(ahead(&[to(0.0), to(0.0), jump(1, None)], 1).len(), 3);
+        assert_eq!(ahead(&[to(0.0), to(0.0), jump(1, None)], 1), [0.0; 0]);
+    }
+
+    #[test]
+    fn items_at_one_place_are_one_corner_and_many_near_ones_are_not_all_claimed() {
+        let column = [to(0.0), to(3.0), to(3.0), to(3.0), to(9.0), to(12.0)];
+        assert_eq!(ahead(&column, 1), [3.0, 9.0]);
+        let dense: Vec<Item> = (0..700).map(|item| to(f64::from(item) * 0.001)).collect();
+        assert_eq!(ahead(&dense, 1).len(), CORNERS_MAX - 1);
     }
 }

@@ -694,7 +694,7 @@ fn on_plan_as_well_a_vehicle_stops_for_a_peer_that_somebody_else_steers() {
             1.0,
             In::Command(at(1.0), command)
         )));
-        // It stands still 1.8 m beside the way, and faces it.
+        // It drives toward the way, from 1.8 m beside it.
         let mut driven = super::super::tests_support::state(2, 4.0, 1.8);
         if let Some(pose) = &mut driven.pose {
             pose.heading = tomoswarm_proto::Heading::from_radians(-std::f64::consts::FRAC_PI_2);

@@ -93,9 +93,9 @@ impl StandingCommand {
         self.is_outdated = false;
     }
 
-    /// Records that the vehicle was stopped.
+    /// Records that the vehicle was stopped. Who waits for another one goes on waiting.
     pub(super) fn stop(&mut self, now: Time) {
-        (self.end_m, self.given_at) = (None, now);
+        (self.end_m, self.given_at) = (None, self.given_at.max(now));
         self.is_outdated = false;
     }
 
@@ -276,6 +276,10 @@ mod tests {
             command.refuse(at(5.0), separation, gives_way);
             let is_settled = |time_s: f64| command.is_settled(at(time_s));
             assert!(!is_settled(4.99 + expected_s), "{mode:?}, {gives_way}");
+            let mut held = command;
+            held.stop(at(5.1));
+            let later_s = f64::max(expected_s, 0.7);
+            assert!(!held.is_settled(at(4.99 + later_s)), "it is held as well");
             assert!(is_settled(5.01 + expected_s), "{mode:?}, {gives_way}");
         }
     }

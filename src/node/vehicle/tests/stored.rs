@@ -43,6 +43,14 @@ fn every_way_of_a_mission_lies_inside_the_fence_also_those_of_jumps() {
             to(3.0, 3.0),
             to(30.0, 3.0),
         ],
+        vec![
+            Item::Jump {
+                to: 3,
+                times: Some(1),
+            },
+            to(30.0, 0.0),
+            Item::Return,
+        ],
     ] {
         let out = fed(&mut vehicle(), 1.1, follow(&outside));
         let expected = (false, Some(CommandRefusal::Fence));
