@@ -50,6 +50,7 @@
 //!
 //! Deadline: `telemetry silent`.
 
+mod braking;
 mod disarming;
 mod drift;
 mod emergency;
@@ -65,8 +66,6 @@ mod restraint;
 mod stored_way;
 mod take_over;
 
-use std::time::Duration;
-
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     Control, EmergencyStop, Order, OrderKind, Ordered, Revision, RunId, Sender, StandReason, State,
@@ -76,7 +75,7 @@ use tomoswarm_proto::{
 use self::drift::Drift;
 use self::emergency::Emergency;
 use self::last_telemetry::LastTelemetry;
-use self::movement::{Braking, MovementOrder, REST_GRACE};
+use self::movement::MovementOrder;
 use self::orders::{Accepted, Orders};
 use self::readiness::Readiness;
 use self::reflex::Reflex;
@@ -89,7 +88,7 @@ use super::sensor::Scan;
 use super::{OwnState, VehicleSettings};
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::autopilot::{ControlStatus, RemoteSwitch};
-use crate::geom::{Point, Track, Vector};
+use crate::geom::{Point, Track};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
 
@@ -442,33 +441,6 @@ impl Vehicle {
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
         self.movement.stop(now, self.braking_end());
         out.push(Out::AutopilotCommand(AutopilotCommand::Stop));
-    }
-
-    /// Returns what is left of what it drives now, once it is told another route.
-    fn braking(&self, now: Time) -> Option<Braking> {
-        let telemetry = self.telemetry.of_any_age();
-        let drives = |telemetry: &&Telemetry| telemetry.motion == Motion::Driving;
-        let speed_mps = telemetry.filter(drives)?.speed_mps;
-        let braking_s = speed_mps / self.settings.body.braking_mps2;
-        Some(Braking {
-            end: self.rests_at(REST_GRACE.as_secs_f64())?,
-            until: now + REST_GRACE + Duration::try_from_secs_f64(braking_s).ok()?,
-        })
-    }
-
-    /// Returns where the vehicle comes to rest if it brakes now; `None` as long as nobody knows where it is.
-    fn braking_end(&self) -> Option<Point> {
-        self.rests_at(0.0)
-    }
-
-    /// Returns where the vehicle comes to rest if it brakes after a reaction of some seconds.
-    fn rests_at(&self, reaction_s: f64) -> Option<Point> {
-        let Telemetry {
-            pose, speed_mps, ..
-        } = self.telemetry.of_any_age()?;
-        let braking_s = speed_mps / self.settings.body.braking_mps2;
-        let braking_m = speed_mps * (reaction_s + braking_s / 2.0);
-        Some(pose.at + Vector::polar(pose.heading, braking_m))
     }
 }
 
