@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Control, MissionPhase, MissionProgress, StandReason, State, VehicleId, VehicleMode,
+    Boot, Control, MissionPhase, MissionProgress, StandReason, State, VehicleId,
 };
 
 use super::radio::BeaconReport;
@@ -147,9 +147,7 @@ impl Peers {
         }
         let known = self.newest.get(&state.vehicle);
         let is_steered = is_steered(state);
-        let resting = state.leg.is_none()
-            && !is_steered
-            && !matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning);
+        let resting = is_resting(state);
         let moved_at = known
             .filter(|_| resting)
             .map_or(now, |known| known.moved_at);
@@ -157,7 +155,7 @@ impl Peers {
         let is_lost = has_lost_its_place(state);
         let knows = !is_lost || known.is_none();
         let Some(pose) = state.pose.filter(|_| knows).map(Pose::from) else {
-            return self.take_without_place(now, state, (resting, is_steered));
+            return self.take_without_place(now, state);
         };
         let leg = state
             .leg
@@ -188,23 +186,18 @@ impl Peers {
     }
 
     /// Takes a state that tells no place: a known place stays, and a vehicle never placed stays unknown.
-    fn take_without_place(
-        &mut self,
-        now: Time,
-        state: &State,
-        (resting, is_steered): (bool, bool),
-    ) {
+    fn take_without_place(&mut self, now: Time, state: &State) {
         let Some(peer) = self.newest.get_mut(&state.vehicle) else {
             return;
         };
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
         peer.lower = LowerNumbers::default();
-        (peer.resting, peer.is_steered) = (resting, is_steered);
+        (peer.resting, peer.is_steered) = (is_resting(state), is_steered(state));
         peer.is_lost = has_lost_its_place(state);
-        if peer.is_lost && resting {
+        if peer.is_lost && peer.resting {
             peer.claim = ground_around(peer.at, peer.sd_m);
         }
-        if !resting {
+        if !peer.resting {
             peer.moved_at = now;
         }
     }
@@ -343,9 +336,13 @@ pub(super) fn join_states(unread: State, newer: State) -> State {
 /// Returns whether a vehicle moves by somebody else's will, whatever stands against it here. One whose autopilot has fallen silent
 /// meanwhile may be steered still.
 fn is_steered(state: &State) -> bool {
-    let moves = matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning);
     let is_ours = state.control == Control::Ours || state.leg.is_some();
-    !is_ours && (moves || !state.is_at_rest)
+    !is_ours && (state.mode.moves() || !state.is_at_rest)
+}
+
+/// Returns whether a vehicle neither moves nor is about to.
+fn is_resting(state: &State) -> bool {
+    state.leg.is_none() && !is_steered(state) && !state.mode.moves()
 }
 
 /// Returns up to where one claims the ground that moves and does not say whereto.
@@ -384,6 +381,8 @@ pub(super) fn keeps_clear(from: Point, route: &Track, claim: &Track, separation_
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::VehicleMode;
+
     use super::super::tests_support::state;
     use super::*;
     use crate::sweep::VehicleProgress;

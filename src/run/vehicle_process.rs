@@ -13,9 +13,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 
-use tomoswarm_proto::{
-    Health, Message, RecordingHealth, Sender, State, VehicleId, VehicleMode, fitted,
-};
+use tomoswarm_proto::{Health, Message, RecordingHealth, Sender, State, VehicleId, fitted};
 
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
@@ -124,9 +122,7 @@ impl Last {
     }
 
     fn is_moving(&self) -> bool {
-        self.state
-            .as_ref()
-            .is_some_and(|state| matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning))
+        self.state.as_ref().is_some_and(|state| state.mode.moves())
     }
 }
 

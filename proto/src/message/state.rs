@@ -35,6 +35,13 @@ pub enum VehicleMode {
     MotorsCut,
 }
 
+impl VehicleMode {
+    /// Returns whether the vehicle goes somewhere or turns; how it leaves the ground and comes back to it does not count.
+    pub fn moves(self) -> bool {
+        matches!(self, VehicleMode::Driving | VehicleMode::Turning)
+    }
+}
+
 /// Why a vehicle stands and does not go on by itself. Of several reasons State names the first in this order; all open
 /// stops that a vehicle knows are in its Standing.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]

@@ -41,9 +41,7 @@ pub(super) use self::purpose::Unknown;
 use self::attempts::Attempts;
 use self::detour::{Detour, FoundPath};
 use self::purpose::WayPurpose;
-use self::standing_command::{
-    BACKOFF_M, FreeWay, GO_M, SHORTEN_M, StandingCommand, moves, renewal_m,
-};
+use self::standing_command::{BACKOFF_M, FreeWay, GO_M, SHORTEN_M, StandingCommand, renewal_m};
 use self::stretch::Stretch;
 use super::look_around::{LookAround, Next};
 use super::obstruction::{Obstruction, ObstructionKind};
@@ -259,7 +257,7 @@ impl Pilot {
         let mut situation = Situation {
             now,
             pose: state.pose,
-            is_resting: !moves(state.mode),
+            is_resting: !state.mode.moves(),
             terrain,
             met,
         };

@@ -129,7 +129,7 @@ impl StandingCommand {
 
     /// Takes what the vehicle does: one that moves refuses nothing, and one that rests has nothing left to drive.
     pub(super) fn watch(&mut self, mode: VehicleMode) {
-        if moves(mode) {
+        if mode.moves() {
             self.refusals = 0;
         } else {
             self.is_outdated = false;
@@ -174,11 +174,6 @@ impl StandingCommand {
     fn is_path_refused(&self) -> bool {
         self.refusals >= REFUSALS_MAX
     }
-}
-
-/// Returns whether a vehicle moves.
-pub(super) fn moves(mode: VehicleMode) -> bool {
-    matches!(mode, VehicleMode::Driving | VehicleMode::Turning)
 }
 
 /// Returns up to where a vehicle that moves is commanded anew, metres along the way, when its command leads `left_m`

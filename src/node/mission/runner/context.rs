@@ -1,7 +1,5 @@
 //! What a runner is told and may use in one step. It decides nothing.
 
-use tomoswarm_proto::VehicleMode;
-
 use crate::geom::Pose;
 use crate::node::OwnState;
 use crate::node::mission::kind::MissionContext;
@@ -36,8 +34,7 @@ impl RunnerContext<'_> {
     }
 
     pub(super) fn rests(&self) -> bool {
-        self.state.leg.is_none()
-            && !matches!(self.state.mode, VehicleMode::Driving | VehicleMode::Turning)
+        self.state.leg.is_none() && !self.state.mode.moves()
     }
 
     pub(super) fn surroundings(&self) -> MissionContext<'_> {
