@@ -1,7 +1,8 @@
 //! How fast and how well two persons behind a wall are found.
 //!
 //! `cargo bench --bench imaging -- SEEDS [FIRST]`: share of seeds with both persons within 1 m, the worst seeds,
-//! and the median times of a cold and of a warm reconstruction, of binning a packet, and of steps of the total variation.
+//! and the median times of a cold and of a warm reconstruction, of binning a packet, of steps of the total variation, and of
+//! drafts from as many links as eight vehicles have.
 
 #![allow(
     clippy::disallowed_methods,
@@ -17,7 +18,7 @@ mod image_world;
 use std::time::Instant;
 
 use image_world::{SIDE_M, persons, sweep, worst_error_m};
-use tomoswarm::geom::{PixelGrid, Point, Rect};
+use tomoswarm::geom::{PixelGrid, Point, Rect, Segment};
 use tomoswarm::tomo::{
     Candidates, Devices, Extras, Imager, ImagingSettings, Link, LinkBins, Solver,
 };
@@ -97,11 +98,11 @@ fn main() {
     missed.iter().for_each(|line| println!("missed {line}"));
     bin_packets();
     vary();
+    draft();
 }
 
-/// Prints what steps of the total variation cost on a fine grid, the making of the rows included.
-fn vary() {
-    let area = Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M));
+/// Returns the ends of a link across the area, one for each number.
+fn across(k: usize) -> (Point, Point) {
     let at = |k: usize, turn: f64| {
         let share = (k as f64 * turn).fract() * SIDE_M;
         match k % 4 {
@@ -111,9 +112,57 @@ fn vary() {
             _ => Point::new(0.0, share),
         }
     };
-    let links: Vec<Link> = (0..2_000)
-        .map(|k| Link::fixed(at(k, 0.618_034), at(k + 1 + k / 4 % 3, 0.414_214), 4, -70.0))
-        .collect();
+    (at(k, 0.618_034), at(k + 1 + k / 4 % 3, 0.414_214))
+}
+
+/// Prints how many drafts a second there are while eight vehicles sweep: `map`, 40 x 40 pixels, warm.
+fn draft() {
+    let settings =
+        ImagingSettings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
+    let person = Point::new(7.0, 8.0);
+    let link = |k: usize, noise: usize, loss_db: f64| {
+        let (from, to) = across(k);
+        let way = Segment::new(from, to);
+        let free_dbm = -40.0 - 20.0 * way.length_m().max(0.5).log10();
+        let noise_db = ((noise as f64 * 0.754_877).fract() - 0.5) * 5.0;
+        let lost_db = loss_db * f64::from(way.distance_to_point(person) < 0.4);
+        Link::fixed(from, to, 8, free_dbm + noise_db - lost_db)
+    };
+    for links in [3_000, 7_000, 14_000] {
+        let of = |noise: usize, loss_db: f64| -> Vec<Link> {
+            (0..links).map(|k| link(k, k + noise, loss_db)).collect()
+        };
+        let (empty, Ok(mut imager)) = (of(1, 0.0), Imager::new(settings)) else {
+            return;
+        };
+        let mut ms = Vec::new();
+        for image in 0..8 {
+            // A tenth of the links have heard something since.
+            let now: Vec<Link> = (0..links)
+                .map(|k| link(k, k + 2 + usize::from(k % 10 < image), 6.0))
+                .collect();
+            let (made, took) = timed(|| imager.update(&now, Some(&empty), Extras::default()));
+            if made.is_ok() {
+                ms.push(took);
+            }
+        }
+        let cold = ms.remove(0);
+        println!(
+            "draft by map, 40 x 40 pixels, {links} links: cold {cold:.0} ms, warm {:.0} ms, {:.1} images a second",
+            median(ms.clone()),
+            1e3 / median(ms)
+        );
+    }
+}
+
+/// Prints what steps of the total variation cost on a fine grid, the making of the rows included.
+fn vary() {
+    let area = Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M));
+    let link = |k: usize| {
+        let (from, to) = across(k);
+        Link::fixed(from, to, 4, -70.0)
+    };
+    let links: Vec<Link> = (0..2_000).map(link).collect();
     let candidates = ImagingSettings::candidates_for(area);
     let settings = ImagingSettings {
         grid: PixelGrid {

@@ -41,9 +41,11 @@ impl BinKey {
     }
 }
 
+/// Returns the square around a place. The middles of squares are multiples of their side, since rings are laid out in whole and
+/// half metres: along an edge of squares each link would be split among up to four bins.
 fn square(at: Point, bin_m: f64) -> u64 {
     // A float becomes the nearest whole number that fits, so no place overflows.
-    let index = |metres: f64| libm::floor(metres / bin_m) as i32;
+    let index = |metres: f64| libm::round(metres / bin_m) as i32;
     packed(index(at.x_m), index(at.y_m))
 }
 
@@ -343,8 +345,8 @@ impl Bin {
 /// Names the spots of both ends within their bins, 4 bits an axis.
 fn spot_code(from: Point, to: Point, bin_m: f64, spot_m: f64) -> u16 {
     let within = |metres: f64| {
-        let rest_m = metres - bin_m * libm::floor(metres / bin_m);
-        (rest_m / spot_m).clamp(0.0, 15.0) as u16
+        let edge_m = bin_m * (libm::round(metres / bin_m) - 0.5);
+        ((metres - edge_m) / spot_m).clamp(0.0, 15.0) as u16
     };
     (within(from.x_m) << 12) | (within(from.y_m) << 8) | (within(to.x_m) << 4) | within(to.y_m)
 }
@@ -364,10 +366,10 @@ mod tests {
     #[test]
     fn both_directions_fall_into_one_bin() {
         let mut bins = LinkBins::default();
-        let (a, b) = (Point::new(0.1, 0.2), Point::new(10.1, 5.2));
+        let (a, b) = (Point::new(-0.1, 0.2), Point::new(10.1, 5.2));
         bins.record(DEVICES, a, b, Some(-50));
         bins.record(DEVICES, b, a, Some(-54));
-        bins.record(DEVICES, Point::new(0.3, 0.2), b, Some(-52));
+        bins.record(DEVICES, Point::new(0.1, 0.2), b, Some(-52));
         bins.record(DEVICES, a, b, None);
         let links = bins.links();
         assert_eq!(links.len(), 1);
@@ -377,7 +379,7 @@ mod tests {
             (3, 1, 2, -52.0)
         );
         assert!((link.spread_db - 2.0).abs() < 1e-9);
-        assert!(link.from.distance_to(Point::new(0.15, 0.2)) < 1e-9);
+        assert!(link.from.distance_to(Point::new(-0.05, 0.2)) < 1e-9);
         assert!(link.to.distance_to(b) < 1e-9);
     }
 
@@ -434,10 +436,24 @@ mod tests {
     fn places_half_a_metre_apart_are_told_apart() {
         let mut bins = LinkBins::default();
         let far = Point::new(10.0, 0.0);
-        bins.record(DEVICES, Point::new(-0.1, 0.0), far, Some(-50));
-        bins.record(DEVICES, Point::new(0.1, 0.0), far, Some(-50));
+        bins.record(DEVICES, Point::new(0.2, 0.0), far, Some(-50));
+        bins.record(DEVICES, Point::new(0.3, 0.0), far, Some(-50));
         bins.record(DEVICES, Point::new(f64::NAN, 0.0), far, Some(-50));
         assert_eq!(bins.len(), 2);
+    }
+
+    #[test]
+    fn who_drives_along_a_whole_metre_a_little_to_both_sides_fills_one_row_of_bins() {
+        let mut bins = LinkBins::default();
+        let off_m = |step: i32| 0.05 * f64::from(step % 5 - 2);
+        for step in 0..40 {
+            let (from, to) = (
+                Point::new(off_m(step), 6.0),
+                Point::new(20.0, off_m(step + 2)),
+            );
+            bins.record(DEVICES, from, to, Some(-60));
+        }
+        assert_eq!(bins.len(), 1);
     }
 
     #[test]
@@ -446,7 +462,7 @@ mod tests {
         for step in 0..50 {
             bins.record(
                 DEVICES,
-                Point::new(0.005 + 0.01 * f64::from(step), 0.0),
+                Point::new(-0.245 + 0.01 * f64::from(step), 0.0),
                 Point::new(9.0, 9.0),
                 Some(-60),
             );

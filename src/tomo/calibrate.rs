@@ -469,7 +469,7 @@ mod tests {
         };
         let near = Link {
             packets: 10,
-            ..link(20.3, 9.3, 0.3, 5.3, -66.0)
+            ..link(20.2, 9.2, 0.2, 5.2, -66.0)
         };
         for empty in [[far, near], [near, far]] {
             let got = calibrate(&[now], Some(&empty), &settings());
