@@ -3,7 +3,7 @@
 import { BeginPanel } from "./begin.js";
 import { CellView } from "./cell.js";
 import { Feed } from "./feed.js";
-import { Fleet } from "./fleet.js";
+import { Fleet, GROUND_SILENT_MS } from "./fleet.js";
 import { Ghost } from "./ghost.js";
 import { ImagePanel } from "./image.js";
 import { LogPanel, zone } from "./log.js";
@@ -189,10 +189,16 @@ function showHead() {
   showLost(isLost(now_ms));
   document.documentElement.classList.toggle("stale", isStale);
   const age = document.getElementById("age");
-  setText(age, ageText(isStale, age_ms));
+  const text = ageText(isStale, age_ms);
+  setText(age, text);
+  // Said aloud when it is another, and not as each second passes.
+  setText(document.getElementById("age-said"), text.replace(/[0-9]+([:.][0-9]+)* ?(s\b)?/g, ""));
   const ground = model.ground;
-  setText(document.getElementById("run"), ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station");
-  let count = ground?.isHeard ? ground.troubles.length : 0;
+  const quiet_ms = ground?.isHeard ? model.clock_ms(now_ms) - ground.at_ms : 0;
+  const isSilent = quiet_ms > GROUND_SILENT_MS;
+  const run = ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station";
+  setText(document.getElementById("run"), isSilent ? `${run}; the ground station is SILENT for ${(quiet_ms / 1000).toFixed(0)} s` : run);
+  let count = ground?.isHeard && !isSilent ? ground.troubles.length : 0;
   for (const vehicle of model.vehicles.values()) count += vehicle.health?.troubles.length ?? 0;
   setText(document.getElementById("troubles"), count === 0 ? "no troubles" : `${count} troubles`);
 }
@@ -213,11 +219,18 @@ document.addEventListener("visibilitychange", () => {
 });
 
 const keys = document.getElementById("keys");
-document.getElementById("help").addEventListener("click", () => keys.showModal());
+// Stop must work beside it, by pointer too: nothing else is kept from the operator meanwhile.
+document.getElementById("help").addEventListener("click", () => keys.show());
 addEventListener("keydown", (event) => {
-  if (event.key === "?" && !keys.open) keys.showModal();
+  if (event.key !== "Escape" || !keys.open) return;
+  // Not the selection as well.
+  event.stopPropagation();
+  keys.close();
+}, { capture: true });
+addEventListener("keydown", (event) => {
   const isElsewhere = document.documentElement.dataset.keys === "off" || event.ctrlKey || event.altKey || event.metaKey
     || event.target.matches?.("input, select, textarea");
+  if (event.key === "?" && !isElsewhere && !keys.open) keys.show();
   if (event.key.toLowerCase() !== "m" || isElsewhere) return;
   event.preventDefault();
   tabs.open("marks");

@@ -1,6 +1,7 @@
 // Begins a mission: its kind, its keys with their meaning as the server declares them, places pointed at in the scene, and the
 // run that it is compared with. The server judges all of it by the rules of the command line; the page shows the command.
 
+import { ANSWERED_WITHIN_MS } from "./pace.js";
 import { post, say } from "./stop.js";
 
 /** Keys that the scene can be pointed at for. */
@@ -154,7 +155,16 @@ export class BeginPanel {
       if (list) return this.loadPlaces(file, list, input);
       this.fileText = await file.text();
       input.value = file.name;
+      document.getElementById("begin-result").textContent =
+        `${file.name} as it is now goes with the order: ${file.size} bytes, of ${new Date(file.lastModified).toLocaleString()}.`;
       this.showCommand();
+    });
+    // The same file may have been written anew: it is read again when it is chosen again.
+    chooser.addEventListener("click", () => { chooser.value = ""; });
+    // A name that is typed is another file, which the vehicles have.
+    input.addEventListener("input", () => {
+      if (this.fileText !== null) document.getElementById("begin-result").textContent = "The file of this machine is not sent any more.";
+      this.fileText = null;
     });
     label.append(chooser);
     return label;
@@ -165,7 +175,7 @@ export class BeginPanel {
     const result = document.getElementById("begin-result");
     try {
       const headers = { Authorization: `Bearer ${this.token}` };
-      const answer = await fetch("places", { method: "POST", headers, body: await file.text() });
+      const answer = await fetch("places", { method: "POST", headers, body: await file.text(), signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
       if (!answer.ok) {
         result.textContent = `${file.name} is not loaded: ${await answer.text()}`;
         return;

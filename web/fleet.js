@@ -4,6 +4,8 @@ import { setText } from "./pace.js";
 import { say } from "./stop.js";
 
 const TYPED_WITHIN_MS = 800;
+/** A ground station that says nothing for so long is silent. */
+export const GROUND_SILENT_MS = 5000;
 
 export class Fleet {
   constructor(model) {
@@ -13,6 +15,8 @@ export class Fleet {
     this.body = document.querySelector("#vehicles tbody");
     this.typed = "";
     this.typed_ms = 0;
+    /** What was selected before a number was typed. */
+    this.before = [];
     addEventListener("keydown", (event) => this.key(event));
     this.showSelection();
   }
@@ -25,11 +29,15 @@ export class Fleet {
     if (event.key.toLowerCase() === "a") return this.select(this.model.ids());
     if (!/^[0-9]$/.test(event.key)) return;
     const now_ms = performance.now();
-    this.typed = now_ms - this.typed_ms < TYPED_WITHIN_MS ? this.typed + event.key : event.key;
+    const goesOn = now_ms - this.typed_ms < TYPED_WITHIN_MS;
+    if (!goesOn) this.before = [...this.selected];
+    this.typed = goesOn ? this.typed + event.key : event.key;
     this.typed_ms = now_ms;
     const id = Number(this.typed);
-    if (this.model.ids().includes(id)) this.select([id]);
-    else say(`There is no vehicle ${id}.`);
+    if (this.model.ids().includes(id)) return this.select([id]);
+    // Its first digits are no vehicle that was meant.
+    this.select(this.before);
+    say(`There is no vehicle ${id}.`);
   }
 
   select(ids) {
@@ -128,15 +136,16 @@ export class Fleet {
       return;
     }
     const age_s = (now_ms - ground.at_ms) / 1000;
+    const isSilent = age_s > GROUND_SILENT_MS / 1000;
     const parts = [
       `ground station: ${ground.phase}, run ${ground.run}, lap ${ground.lapsDone} of ${ground.laps}`,
       `${ground.samples} samples, ${ground.images} images, lease ${ground.lease}`,
-      age_s > 5 ? `SILENT for ${age_s.toFixed(0)} s` : "",
+      isSilent ? `SILENT for ${age_s.toFixed(0)} s` : "",
       ground.lost.length ? `lost: ${ground.lost.join(", ")}` : "",
       ground.troubles.join("; "),
     ];
     setText(box, parts.filter(Boolean).join(" · "));
-    box.classList.toggle("silent", age_s > 5);
+    box.classList.toggle("silent", isSilent);
   }
 }
 

@@ -26,7 +26,7 @@ export class Ghost {
   async load() {
     this.ways = [];
     try {
-      const answer = await fetch("ghost", { headers: { Authorization: `Bearer ${this.token}` } });
+      const answer = await fetch("ghost", { headers: { Authorization: `Bearer ${this.token}` }, signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
       if (answer.ok) this.ways = (await answer.json()).vehicles.map(({ vehicle, poses }) => ({ id: vehicle, poses: unpacked(poses) }));
       this.wanted();
     } catch {

@@ -5,6 +5,7 @@ import { css, ellipsePlaces, excessColour, liveLinks, OCCUPIED_FROM, SIDE } from
 import { imageCanvas } from "./image.js";
 import { Labels } from "./labels3d.js";
 import { MARK, MARK_RADIUS_M, marksOf } from "./marks.js";
+import { ANSWERED_WITHIN_MS } from "./pace.js";
 import { waitsOf } from "./plan.js";
 import { vehicleParts } from "./vehicle3d.js";
 import {
@@ -279,7 +280,7 @@ export class Layers {
   }
 
   async load() {
-    const answer = await fetch("mesh", { headers: { Authorization: `Bearer ${this.token}` } });
+    const answer = await fetch("mesh", { headers: { Authorization: `Bearer ${this.token}` }, signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
     return answer.ok ? (await answer.json()).objects : [];
   }
 

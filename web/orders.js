@@ -31,11 +31,17 @@ export class Orders {
   /** A button that acts when it was held long enough, by pointer or by Enter. */
   heldButton(id, act, held_ms = HELD_MS) {
     const button = document.getElementById(id);
-    let timer = null;
+    let [timer, words] = [null, ""];
     const begin = () => {
       if (timer !== null || button.disabled) return;
+      words = button.textContent;
       button.classList.add("filling");
-      timer = setTimeout(() => { end(); act(); }, held_ms);
+      timer = setTimeout(() => {
+        end();
+        // Whoever holds a button has read what stood on it; and a button that is disabled meanwhile may hear of no release.
+        if (!button.disabled && button.textContent === words) act();
+        else say("What the button does has changed while it was held: nothing is given.", "refused");
+      }, held_ms);
     };
     const end = () => {
       clearTimeout(timer);
@@ -55,6 +61,7 @@ export class Orders {
     button.addEventListener("keyup", (event) => {
       if (event.key === "Enter") end();
     });
+    document.addEventListener("visibilitychange", end);
   }
 
   async give(order) {

@@ -1,5 +1,8 @@
 // What keeps drawing cheap: how often something is drawn of which new data comes faster than anybody reads, and texts that are
-// written only when they have changed.
+// written only when they have changed. And how long an answer is waited for.
+
+/** A question without an answer is given up after this time: it keeps one of the few connections that Stop needs. */
+export const ANSWERED_WITHIN_MS = 10_000;
 
 export class Pace {
   /** `again` is told when what was put off is due. */

@@ -83,7 +83,7 @@ export class RadioPanel {
     const caption = document.getElementById("pair-caption");
     canvas.hidden = !this.chosen;
     if (!this.chosen) {
-      caption.textContent = "Choose a pair to see its last minutes.";
+      caption.textContent = "Choose a pair to see how strongly it was heard since this page has shown the present, or this moment.";
       return;
     }
     const [one, other] = this.chosen;

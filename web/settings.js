@@ -1,9 +1,12 @@
 // What is set, with the meaning of each key as it is declared, searched by words; and the files of runs, saved on this machine.
 
 import { imageCanvas } from "./image.js";
+import { ANSWERED_WITHIN_MS } from "./pace.js";
 
 /** The settings of a node are asked for this often while they are shown. */
 const LOADS_EVERY_MS = 5000;
+/** What is to be saved is waited for so long. */
+const SAVED_WITHIN_MS = 60_000;
 
 export class SettingsPanel {
   constructor(model, scene, token) {
@@ -60,7 +63,12 @@ export class SettingsPanel {
   async load() {
     const of = this.of.value;
     this.loaded_ms = performance.now();
-    const answer = await this.ask(of ? `settings?of=${of}` : "settings", {}, "No settings");
+    // One question at a time; what was asked of another node is told to nobody.
+    const asked = this.asked = this.asked?.of === of ? this.asked : { of };
+    asked.answer ??= this.ask(of ? `settings?of=${of}` : "settings", {}, "No settings", ANSWERED_WITHIN_MS);
+    const answer = await asked.answer;
+    if (this.asked !== asked) return;
+    this.asked = null;
     // Another node may have been chosen meanwhile.
     const text = answer ? await answer.text() : "";
     if (of !== this.of.value || (text === this.text && answer)) return;
@@ -79,10 +87,10 @@ export class SettingsPanel {
   }
 
   /** The answer, or null after saying why there is none. */
-  async ask(what, options = {}, otherwise = "Not saved") {
+  async ask(what, options = {}, otherwise = "Not saved", within_ms = SAVED_WITHIN_MS) {
     try {
       const headers = { Authorization: `Bearer ${this.token}` };
-      const answer = await fetch(what, { ...options, headers });
+      const answer = await fetch(what, { ...options, headers, signal: AbortSignal.timeout(within_ms) });
       if (answer.ok) return answer;
       this.say(`${otherwise}: ${await answer.text()}.`);
     } catch {

@@ -7,10 +7,18 @@ const mayOrder = word === "operate" && Boolean(token);
 const result = document.getElementById("stop-result");
 const bar = document.getElementById("bar");
 const CANNOT = "Cannot stop from here: use the radio, or tomoswarm order CONFIG emergency.";
-/** What has no answer by then is said to be in vain. */
-const SLOW_MS = 2000;
+/** An attempt to stop that has no answer by then is given up for the next one: it would keep one of the few connections. */
+const ATTEMPT_MS = 1500;
+/** A stop that did not get through is sent again so soon. */
+const AGAIN_MS = 500;
 /** What is to move somebody must not arrive later than this. */
 const ANSWERED_WITHIN_MS = 4000;
+/** The server's word that there is no room for the moment. */
+const TOO_MANY = 429;
+/** Longest body, in letters, that is sent by a page that is closed meanwhile. */
+const KEPT_ALIVE_MAX = 4000;
+/** Stops that have no answer yet, by what they say. */
+const undelivered = new Map();
 
 // A link that is pasted into an open page has another token.
 addEventListener("hashchange", () => location.reload());
@@ -28,44 +36,75 @@ export function showLost(isLost) {
   if (isLost) say(CANNOT, "refused");
   else {
     bar.classList.remove("dead");
-    if (result.textContent.endsWith(CANNOT)) say("");
+    if (result.textContent.endsWith(CANNOT) && undelivered.size === 0) say("");
   }
 }
 
-/** Posts an order, or a mark, and says how that went; the answer's number, or null. What stops goes on when its answer takes long. */
-export async function post(order, to = "order") {
-  const source = document.documentElement.dataset.source ?? "LIVE";
-  if (source !== "LIVE") {
-    say(`A ${source.toLowerCase()}: it takes no orders.`, "refused");
-    return null;
-  }
-  if (!mayOrder) {
-    say("This link may look only: take the one with #operate.", "refused");
-    return null;
-  }
-  const page = Number(document.documentElement.dataset.page ?? 0);
+/** Posts an order, or a mark, and says how that went; the answer's number, or null. What stops is sent until it has an answer. */
+export function post(order, to = "order") {
   const stops = order.order === "stop" || order.order === "hold";
-  const slow = stops ? setTimeout(sayDead, SLOW_MS) : undefined;
-  try {
-    const answer = await fetch(to, {
-      method: "POST",
-      headers: { Authorization: `Bearer ${token}`, "Content-Type": "application/json" },
-      body: JSON.stringify({ page, ...order }),
-      keepalive: true,
-      signal: stops ? undefined : AbortSignal.timeout(ANSWERED_WITHIN_MS),
-    });
-    const text = await answer.text();
-    clearTimeout(slow);
-    if (!answer.ok) {
-      say(`${order.order ?? to} was refused: ${text}`, "refused");
-      return null;
+  if (!stops) return postOnce(order, to);
+  const key = JSON.stringify(order);
+  if (!undelivered.has(key)) undelivered.set(key, postUntilAnswered(order).finally(() => undelivered.delete(key)));
+  return undelivered.get(key);
+}
+
+/** Said again it is the same stop to the server, so that nothing is lost but time. */
+async function postUntilAnswered(order) {
+  for (;;) {
+    const refusal = refusalHere();
+    if (refusal) return refuse(refusal);
+    try {
+      const answer = await send(order, "order", ATTEMPT_MS);
+      if (answer.status !== TOO_MANY) return await numberOf(answer, order.order);
+    } catch {
+      sayDead(`The ${order.order} is NOT DELIVERED, and is sent again until it is. `);
     }
-    bar.classList.remove("dead");
-    return JSON.parse(text).number;
+    await new Promise((resolve) => { setTimeout(resolve, AGAIN_MS); });
+  }
+}
+
+/** Why this page may not order, or an empty text. */
+function refusalHere() {
+  const source = document.documentElement.dataset.source ?? "LIVE";
+  if (source !== "LIVE") return `A ${source.toLowerCase()}: it takes no orders.`;
+  return mayOrder ? "" : "This link may look only: take the one with #operate.";
+}
+
+function refuse(words) {
+  say(words, "refused");
+  return null;
+}
+
+function send(order, to, within_ms) {
+  const page = Number(document.documentElement.dataset.page ?? 0);
+  const body = JSON.stringify({ page, ...order });
+  return fetch(to, {
+    method: "POST",
+    headers: { Authorization: `Bearer ${token}`, "Content-Type": "application/json" },
+    body,
+    // A page that is closed sends it all the same; browsers do that with short ones only.
+    keepalive: body.length <= KEPT_ALIVE_MAX,
+    signal: AbortSignal.timeout(within_ms),
+  });
+}
+
+async function numberOf(answer, what) {
+  const text = await answer.text();
+  if (!answer.ok) return refuse(`${what} was refused: ${text}`);
+  bar.classList.remove("dead");
+  return JSON.parse(text).number;
+}
+
+async function postOnce(order, to) {
+  const what = order.order ?? to;
+  const refusal = refusalHere();
+  if (refusal) return refuse(refusal);
+  try {
+    return await numberOf(await send(order, to, ANSWERED_WITHIN_MS), what);
   } catch (error) {
-    clearTimeout(slow);
-    const isLate = error.name === "TimeoutError";
-    sayDead(isLate ? `${order.order ?? to} has no answer: whether it is given stands in its list. ` : "");
+    if (error.name === "TimeoutError") sayDead(`${what} has no answer: whether it is given stands in its list. `);
+    else sayDead(`${what} is not delivered. `);
     return null;
   }
 }
@@ -92,8 +131,11 @@ async function hold() {
   if (number !== null) say(`Hold is given to ${vehicles.length ? vehicles.join(", ") : "all"}.`, "given");
 }
 
-function isTyping(target) {
-  return target instanceof HTMLElement && (target.isContentEditable || target.matches("input[type=text], input[type=number], textarea"));
+/** Whether a key writes into what has the focus. Fields for numbers take no spaces. */
+function isTyping(target, isSpace) {
+  if (!(target instanceof HTMLElement)) return false;
+  const fields = isSpace ? "input[type=text], textarea" : "input[type=text], input[type=number], textarea";
+  return target.isContentEditable || target.matches(fields);
 }
 
 function atOnce(id, act) {
@@ -105,14 +147,23 @@ function atOnce(id, act) {
   button.addEventListener("click", (event) => {
     if (event.detail === 0) act();
   });
+  // Browsers click a button again and again while Enter is held.
+  button.addEventListener("keydown", (event) => {
+    if (event.key === "Enter" && event.repeat) event.preventDefault();
+  });
 }
 
 atOnce("stop", stop);
 atOnce("hold", hold);
 
 addEventListener("keydown", (event) => {
-  if (isTyping(event.target)) return;
-  if (event.code === "Space") {
+  const isSpace = event.code === "Space";
+  if (isTyping(event.target, isSpace)) {
+    if (isSpace && !event.repeat && result.textContent === "") say("Space writes here. To stop: the button, or Escape and then Space.");
+    if (event.key === "Escape") event.target.blur();
+    return;
+  }
+  if (isSpace) {
     event.preventDefault();
     if (!event.repeat) stop();
   } else if (event.key === "Enter" && event.target.matches?.("input[type=checkbox]")) {
@@ -127,7 +178,7 @@ addEventListener("keydown", (event) => {
 
 // A button with the focus would be clicked by the space key as well.
 addEventListener("keyup", (event) => {
-  if (event.code === "Space" && !isTyping(event.target)) event.preventDefault();
+  if (event.code === "Space" && !isTyping(event.target, true)) event.preventDefault();
 }, { capture: true });
 
 if (!mayOrder) {

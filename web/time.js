@@ -94,7 +94,9 @@ export class TimeBar {
   /** Goes to the next mark (1) or to the one before (-1), and says what it is. */
   goToMark(step) {
     const at_s = this.at_s();
-    const marks = this.model.markers.filter((mark) => (step > 0 ? mark.at_s > at_s + NEAR_S : mark.at_s < at_s - NEAR_S));
+    // What is kept of the past may begin after the first marks.
+    const kept = this.model.markers.filter((mark) => mark.at_s >= this.model.moment.from_s);
+    const marks = kept.filter((mark) => (step > 0 ? mark.at_s > at_s + NEAR_S : mark.at_s < at_s - NEAR_S));
     const mark = step > 0 ? marks[0] : marks.at(-1);
     const said = document.getElementById("time-mark");
     if (!mark) {

@@ -58,6 +58,7 @@ export class WhyPanel {
       const answer = await fetch("why", {
         method: "POST",
         headers: { Authorization: `Bearer ${this.token}`, "Content-Type": "application/json" },
+        signal: AbortSignal.timeout(ANSWERED_WITHIN_MS),
         body: JSON.stringify({ subject: this.subject(), at }),
       });
       const text = await answer.text();

@@ -192,8 +192,9 @@ impl Outbox {
         loop {
             let subject = self.first(now)?;
             self.begin_interval(now, subject);
+            // Of many that go together the last one counts.
+            self.sent_last[class(subject)] = Some(subject);
             if let Some(frame) = self.make(shown, subject) {
-                self.sent_last[class(subject)] = Some(subject);
                 self.count(now, class(subject));
                 return Some(frame);
             }
@@ -246,7 +247,7 @@ impl Outbox {
         let text = match subject {
             Subject::Moment => return self.moment(shown),
             Subject::State(_) | Subject::Tile(_) | Subject::Radio(_) => {
-                return self.gather(shown, contents::kind(subject));
+                return self.gather(shown, subject);
             }
             Subject::Stripe(..) => {
                 let stripe = bytes(subject);
@@ -280,11 +281,14 @@ impl Outbox {
         self.rest.pop_front()
     }
 
-    /// Fills a frame with the records of its kind that wait.
-    fn gather(&mut self, shown: &Shown<'_>, kind: FrameKind) -> Option<Vec<u8>> {
+    /// Fills a frame with the records that wait and are of the kind of one of them, from that one on and then around, so that
+    /// all have their turn when they do not fit into one.
+    fn gather(&mut self, shown: &Shown<'_>, first: Subject) -> Option<Vec<u8>> {
+        let kind = contents::kind(first);
         let (mut body, mut taken) = (Vec::new(), Vec::new());
         let mut count = 0;
-        for subject in &self.waiting {
+        let later = self.waiting.range(first..);
+        for subject in later.chain(self.waiting.range(..first)) {
             if contents::kind(*subject) != kind {
                 continue;
             }
@@ -296,8 +300,11 @@ impl Outbox {
             body.extend(record);
             taken.push(*subject);
         }
-        for subject in taken {
-            self.waiting.remove(&subject);
+        for subject in &taken {
+            self.waiting.remove(subject);
+        }
+        if let Some(last) = taken.last() {
+            self.sent_last[class(first)] = Some(*last);
         }
         (count > 0).then(|| frame::records(kind, shown.at, count, &body))
     }

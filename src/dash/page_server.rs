@@ -166,6 +166,11 @@ impl PageServer {
         &self.board
     }
 
+    /// Returns who may do what.
+    pub fn gate(&self) -> &Gate {
+        &self.gate
+    }
+
     /// Returns the place.
     pub fn venue(&self) -> &Venue {
         &self.venue
@@ -344,13 +349,14 @@ impl PageServer {
         self.gate.judge_authorization(authorization)?;
         let request = OrderRequest::read(body).map_err(GateRefusal::Unreadable)?;
         self.judge_seat(&request)?;
+        // A stop that is said again is no further one, and is never too many.
+        if let Some(number) = self.stop_under_way(now, &request) {
+            return Ok(number);
+        }
         self.gate.judge_order(now, &request)?;
         self.look_at_seat(now);
         if request.order == OrderWord::Seat {
             return Ok(0);
-        }
-        if let Some(number) = self.stop_under_way(now, &request) {
-            return Ok(number);
         }
         let mission = request
             .mission(&self.venue)

@@ -46,12 +46,23 @@ pub enum VehicleOutcome {
 }
 
 impl VehicleOutcome {
-    /// Returns whether the vehicle does what was wanted.
+    /// Returns whether the vehicle does what was wanted. One that shows a stop and moves still has not stopped.
     pub fn is_done(&self) -> bool {
-        matches!(
-            self,
-            VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. }
-        )
+        match self {
+            VehicleOutcome::Obeyed { .. } => true,
+            VehicleOutcome::Stopped {
+                after: _,
+                is_at_rest,
+            } => *is_at_rest,
+            VehicleOutcome::UnderStop(_)
+            | VehicleOutcome::Overruled(_)
+            | VehicleOutcome::NotOut
+            | VehicleOutcome::Refused(_)
+            | VehicleOutcome::Ignored
+            | VehicleOutcome::Unheard
+            | VehicleOutcome::Foreign(_)
+            | VehicleOutcome::Withdrawn => false,
+        }
     }
 }
 
@@ -67,7 +78,7 @@ impl fmt::Display for VehicleOutcome {
                 }
             }
             VehicleOutcome::Stopped { after, is_at_rest } => {
-                let rests = if *is_at_rest { "stands" } else { "brakes" };
+                let rests = if *is_at_rest { "stands" } else { "moves still" };
                 let after_ms = after.as_millis();
                 write!(to, "shows the stop after {after_ms} ms, {rests}")
             }

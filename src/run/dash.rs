@@ -9,6 +9,7 @@
 //! A request wakes the loop, so that an order waits for nothing that is heard.
 
 mod answers;
+mod connections;
 mod files;
 mod foxglove;
 mod http;

@@ -69,6 +69,8 @@ fn keys_fingers_and_links_do_what_the_page_says() {
     assert_ne!(press_stop(&mut browser), first, "a start came between");
     two_fingers_zoom(&mut browser);
     a_run_stays_chosen(&mut browser);
+    a_stop_that_finds_no_connection_is_sent_until_it_is_delivered(&mut browser);
+    the_list_of_keys_keeps_nobody_from_stop(&mut browser);
 
     browser.ask("Emulation.setLocaleOverride", json!({ "locale": "en-US" }));
     let midnight = "import('/model.js').then(({ timeOfDay }) => timeOfDay(new Date(Date.UTC(2026, 0, 1, 0, 5)), false))";
@@ -118,6 +120,48 @@ fn starts_once_for_each_hold(browser: &mut Browser) {
     touch(browser, "touchStart", &[start]);
     browser.until("starts === 2", 5);
     touch(browser, "touchEnd", &[]);
+}
+
+/// Three attempts fail at once, as when nobody listens at the other end of a tunnel for a moment.
+fn a_stop_that_finds_no_connection_is_sent_until_it_is_delivered(browser: &mut Browser) {
+    browser.eval(
+        "globalThis.failed = 0; globalThis.whole = fetch; globalThis.fetch = (to, how) => { \
+         if (!how?.body || JSON.parse(how.body).order !== 'stop' || failed === 3) return whole(to, how); \
+         failed += 1; return Promise.reject(new TypeError('refused')); }; 0",
+    );
+    let result = "document.getElementById('stop-result').textContent";
+    browser.eval("delete document.documentElement.dataset.stopNumber");
+    browser.key(" ", "Space", 32);
+    browser.until(&format!("{result}.includes('is NOT DELIVERED')"), 2);
+    browser.eval("tomoswarm.scene.wanted(); 0");
+    browser.until("document.documentElement.dataset.stopNumber", 5);
+    assert_eq!(browser.eval("failed"), 3);
+    let shown = browser.eval(result);
+    assert!(
+        !shown.as_str().unwrap().contains("NOT DELIVERED"),
+        "{shown}"
+    );
+    assert_eq!(
+        browser.eval("Boolean(document.querySelector('#bar.dead'))"),
+        false
+    );
+    browser.eval("globalThis.fetch = whole; 0");
+}
+
+/// A phone has no space key: the button works beside the list.
+fn the_list_of_keys_keeps_nobody_from_stop(browser: &mut Browser) {
+    let is_open = "document.getElementById('keys').open";
+    browser.eval("document.getElementById('help').click()");
+    browser.until(is_open, 5);
+    let [x, y] = middle_of(browser, "stop");
+    let there = format!("document.elementFromPoint({x}, {y}).id");
+    assert_eq!(browser.eval(&there), "stop");
+    browser.eval("delete document.documentElement.dataset.stopNumber");
+    touch(browser, "touchStart", &[[x, y]]);
+    browser.until("document.documentElement.dataset.stopNumber", 5);
+    touch(browser, "touchEnd", &[]);
+    browser.key("Escape", "Escape", 27);
+    browser.until(&format!("!{is_open}"), 5);
 }
 
 /// Two fingers that part zoom about the place between them, and point at nothing.

@@ -265,6 +265,28 @@ fn a_page_that_draws_slowly_while_everything_changes_sees_the_map_and_the_image_
 }
 
 #[test]
+fn all_have_their_turn_of_those_that_do_not_fit_into_one_frame() {
+    let mut life = Life::new();
+    let tiles = 0..400;
+    let mut seen = std::collections::BTreeSet::new();
+    for tick in 0..60 {
+        life.now = at(f64::from(tick));
+        for x in tiles.clone() {
+            life.count += 1;
+            life.tile(x, (tick % 17) as i8);
+        }
+        life.outbox.credit(1);
+        life.take();
+        let waits = |x: &i32| {
+            let is_it = |of: &Subject| matches!(of, Subject::Tile(address) if address.x == *x);
+            life.outbox.waiting.iter().any(is_it)
+        };
+        seen.extend(tiles.clone().filter(|x| !waits(x)));
+    }
+    assert_eq!(seen.len(), tiles.len(), "all change all the time");
+}
+
+#[test]
 fn a_page_that_draws_slowly_is_told_which_moment_it_shows_however_much_vehicles_say() {
     let mut life = Life::new();
     let vehicles = (1..9).map(|id| Subject::Vehicle(VehicleId(id)));

@@ -440,6 +440,16 @@ fn marks_of_whoever_may_not_and_what_is_no_mark_are_refused_and_told_to_nobody()
 }
 
 #[test]
+fn a_stop_that_is_said_again_and_again_is_one_stop_and_never_too_many() {
+    let mut server = server();
+    let first = order(&mut server, 1.0, OPERATE, STOP);
+    assert!(first.is_ok());
+    for _ in 0..60 {
+        assert_eq!(order(&mut server, 1.2, OPERATE, STOP), first);
+    }
+}
+
+#[test]
 fn a_mission_that_is_wrong_is_refused_and_told_to_nobody() {
     let mut server = server();
     let seat = json!({ "order": "seat", "page": 1 }).to_string();

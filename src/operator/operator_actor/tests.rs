@@ -420,7 +420,7 @@ fn an_emergency_stop_is_given_under_a_new_name_and_ends_when_every_vehicle_shows
     world.rovers[1].state.stands_under = Some(StandReason::Stop(given[1].name));
     world.rovers[1].state.is_at_rest = false;
     world.run(0.5);
-    assert_eq!(world.ended(), [], "vehicle 2 brakes");
+    assert_eq!(world.ended(), [], "vehicle 2 moves still");
     world.rovers[1].state.is_at_rest = true;
     world.run(0.5);
     assert_eq!(world.ended().len(), 2);

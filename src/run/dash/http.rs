@@ -3,6 +3,7 @@
 //! [`looks`], the answers that change nothing.
 
 mod looks;
+mod posted;
 
 use std::io;
 use std::net::TcpListener;
@@ -29,9 +30,11 @@ use tomoswarm_proto::{RunId, Sender};
 use self::looks::{
     cell, export, ghost, links, mesh, metrics, places, preflight, settings, waypoints, why,
 };
+use self::posted::{mark, order};
+use super::connections::PlainListener;
 use super::files;
 use super::tls::TlsListener;
-use crate::dash::gate::{GateRefusal, INBOUND_MAX, OwnNames, PageId};
+use crate::dash::gate::{Gate, GateRefusal, INBOUND_MAX, OwnNames, PageId};
 use crate::dash::page_server::CellQuestion;
 use crate::dash::run_files::MissionFormat;
 
@@ -219,6 +222,8 @@ impl RequestSender {
 /// What every request needs.
 struct Shared {
     names: OwnNames,
+    /// Knows the tokens; what else may be done is judged by the loop.
+    gate: Gate,
     requests: RequestSender,
     folder: Option<PathBuf>,
 }
@@ -236,7 +241,7 @@ impl HttpServer {
     /// The system gives no thread.
     pub(super) fn start(
         (listener, tls): (TcpListener, Option<Arc<ServerConfig>>),
-        names: OwnNames,
+        (names, gate): (OwnNames, Gate),
         requests: RequestSender,
         folder: Option<PathBuf>,
     ) -> io::Result<HttpServer> {
@@ -247,6 +252,7 @@ impl HttpServer {
         let (end, ended) = oneshot::channel::<()>();
         let shared = Arc::new(Shared {
             names,
+            gate,
             requests,
             folder,
         });
@@ -255,7 +261,7 @@ impl HttpServer {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
                 let serving = async {
                     match tls {
-                        None => axum::serve(listener, router(shared)).await,
+                        None => axum::serve(PlainListener::new(listener), router(shared)).await,
                         Some(config) => {
                             axum::serve(TlsListener::start(listener, config)?, router(shared)).await
                         }
@@ -362,34 +368,6 @@ async fn file(State(shared): State<Arc<Shared>>, uri: Uri) -> Response {
     }
 }
 
-async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
-    bring_about(&shared, PostWord::Order, &headers, &body).await
-}
-
-async fn mark(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
-    bring_about(&shared, PostWord::Mark, &headers, &body).await
-}
-
-/// Hands over what was posted, and answers with its number.
-async fn bring_about(
-    shared: &Shared,
-    what: PostWord,
-    headers: &HeaderMap,
-    body: &[u8],
-) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(headers, header::ORIGIN)) {
-        return refused(&refusal);
-    }
-    let body = body.to_vec();
-    let post = |authorization, reply| Request::Post {
-        what,
-        authorization,
-        body,
-        reply,
-    };
-    ask(shared, headers, JSON_TYPE, post).await
-}
-
 /// Asks the loop for what it tells holders of a token only, and answers with that as a media type.
 async fn ask<T: IntoResponse>(
     shared: &Shared,
@@ -397,10 +375,12 @@ async fn ask<T: IntoResponse>(
     kind: &'static str,
     request: impl FnOnce(String, oneshot::Sender<Result<T, GateRefusal>>) -> Request,
 ) -> Response {
-    // A page of somebody else can ask, but cannot say this header: it must not fill the queue in which orders wait.
-    let Some(authorization) = only(headers, header::AUTHORIZATION) else {
-        return refused(&GateRefusal::Token);
-    };
+    // Who has no token must not fill the queue in which orders wait.
+    let authorization = only(headers, header::AUTHORIZATION);
+    if let Err(refusal) = shared.gate.judge_looking(authorization) {
+        return refused(&refusal);
+    }
+    let authorization = authorization.unwrap_or_default();
     let (reply, answer) = oneshot::channel();
     if !shared
         .requests
@@ -438,6 +418,9 @@ async fn foxglove(
 ) -> Response {
     let token = uri.query().and_then(|query| query.strip_prefix("look="));
     let token = token.unwrap_or_default().to_owned();
+    if let Err(refusal) = shared.gate.right_of(&token) {
+        return refused(&refusal);
+    }
     let upgrade = upgrade.protocols(FOXGLOVE_PROTOCOLS);
     if upgrade.selected_protocol().is_none() {
         let [one, other] = FOXGLOVE_PROTOCOLS;

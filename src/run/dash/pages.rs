@@ -139,7 +139,8 @@ impl Pages {
             tls,
             ..
         } = listening;
-        let http = HttpServer::start((listener, tls), names, sender, folder);
+        let known = (names, server.gate().clone());
+        let http = HttpServer::start((listener, tls), known, sender, folder);
         Ok(Pages {
             server,
             requests,

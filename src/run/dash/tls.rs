@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::serve::Listener;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::ServerConfig;
@@ -18,14 +18,13 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::server::TlsStream;
 
 use super::DashError;
+use super::connections::{Connection, Door};
 use crate::run::trust::{Certificate, read_limited};
 
 /// A handshake must be done within this time.
 const HANDSHAKE_WITHIN: Duration = Duration::from_secs(5);
 /// Handshakes beside each other at most; who comes when there are more waits.
 const HANDSHAKES_MAX: usize = 32;
-/// After a connection that could not be accepted.
-const AGAIN: Duration = Duration::from_millis(100);
 
 /// The files by which a browser knows the server.
 #[derive(Clone, Debug)]
@@ -85,7 +84,7 @@ impl PageCertificate {
 
 /// Connections whose handshakes are done.
 pub(super) struct TlsListener {
-    ready: mpsc::Receiver<(TlsStream<TcpStream>, SocketAddr)>,
+    ready: mpsc::Receiver<(TlsStream<Connection>, SocketAddr)>,
     address: SocketAddr,
 }
 
@@ -106,10 +105,10 @@ impl TlsListener {
 }
 
 impl Listener for TlsListener {
-    type Io = TlsStream<TcpStream>;
+    type Io = TlsStream<Connection>;
     type Addr = SocketAddr;
 
-    async fn accept(&mut self) -> (TlsStream<TcpStream>, SocketAddr) {
+    async fn accept(&mut self) -> (TlsStream<Connection>, SocketAddr) {
         match self.ready.recv().await {
             Some(connection) => connection,
             // The task that accepts ends with the runtime only.
@@ -125,14 +124,11 @@ impl Listener for TlsListener {
 async fn accept(
     listener: TcpListener,
     acceptor: TlsAcceptor,
-    done: mpsc::Sender<(TlsStream<TcpStream>, SocketAddr)>,
+    done: mpsc::Sender<(TlsStream<Connection>, SocketAddr)>,
 ) {
-    let room = Arc::new(Semaphore::new(HANDSHAKES_MAX));
+    let (room, door) = (Arc::new(Semaphore::new(HANDSHAKES_MAX)), Door::default());
     while let Ok(permit) = room.clone().acquire_owned().await {
-        let Ok((stream, from)) = listener.accept().await else {
-            tokio::time::sleep(AGAIN).await;
-            continue;
-        };
+        let (stream, from) = door.accept(&listener).await;
         let (acceptor, done) = (acceptor.clone(), done.clone());
         tokio::spawn(async move {
             let shaken = tokio::time::timeout(HANDSHAKE_WITHIN, acceptor.accept(stream)).await;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use axum::body::{Bytes, to_bytes};
+use axum::body::{Body, Bytes, to_bytes};
 use axum::extract::{Request as HttpRequest, State};
 use axum::http::header::{self, HeaderMap};
 use axum::http::{StatusCode, Uri};
@@ -134,12 +134,10 @@ pub(super) async fn links(
 pub(super) async fn waypoints(
     State(shared): State<Arc<Shared>>,
     uri: Uri,
-    headers: HeaderMap,
-    body: Bytes,
+    request: HttpRequest,
 ) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
-        return refused(&refusal);
-    }
+    let (parts, body) = request.into_parts();
+    let headers = parts.headers;
     let format = match uri.query() {
         None | Some("as=waypoints") => MissionFormat::Waypoints,
         Some("as=plan") => MissionFormat::Plan,
@@ -148,30 +146,37 @@ pub(super) async fn waypoints(
             return refused(&GateRefusal::Unreadable(expected.to_owned()));
         }
     };
-    let what = LookWord::Waypoints(body.to_vec(), format);
-    look(&shared, what, &headers, PLAIN_TYPE).await
+    match mission_of(&shared, &headers, body).await {
+        Ok(places) => {
+            let what = LookWord::Waypoints(places, format);
+            look(&shared, what, &headers, PLAIN_TYPE).await
+        }
+        Err(refusal) => refusal,
+    }
 }
 
-/// The places of a mission. Its file may be longer than other messages, so that its head is judged before it is read.
+/// The places of a mission.
 pub(super) async fn places(State(shared): State<Arc<Shared>>, request: HttpRequest) -> Response {
     let (parts, body) = request.into_parts();
     let headers = parts.headers;
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
-        return refused(&refusal);
+    match mission_of(&shared, &headers, body).await {
+        Ok(mission) => look(&shared, LookWord::Places(mission), &headers, JSON_TYPE).await,
+        Err(refusal) => refusal,
     }
-    if only(&headers, header::AUTHORIZATION).is_none() {
-        return refused(&GateRefusal::Token);
-    }
-    match to_bytes(body, FILE_BYTES_MAX).await {
-        Ok(text) => {
-            let what = LookWord::Places(text.to_vec());
-            look(&shared, what, &headers, JSON_TYPE).await
-        }
-        Err(_) => {
-            let text = format!("a mission of at most {FILE_BYTES_MAX} bytes is expected");
-            (StatusCode::PAYLOAD_TOO_LARGE, text).into_response()
-        }
-    }
+}
+
+/// Reads a mission; it may be longer than other messages, so that the head of the request is judged before.
+async fn mission_of(shared: &Shared, headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Response> {
+    let judged = shared.names.judge_origin(only(headers, header::ORIGIN));
+    let authorization = only(headers, header::AUTHORIZATION);
+    judged
+        .and_then(|()| shared.gate.judge_looking(authorization))
+        .map_err(|refusal| refused(&refusal))?;
+    let mission = to_bytes(body, FILE_BYTES_MAX).await.map_err(|_| {
+        let text = format!("a mission of at most {FILE_BYTES_MAX} bytes is expected");
+        (StatusCode::PAYLOAD_TOO_LARGE, text).into_response()
+    })?;
+    Ok(mission.to_vec())
 }
 
 pub(super) async fn why(
