@@ -10,6 +10,7 @@ mod cholesky;
 mod dense;
 mod deviation;
 mod device_offsets;
+mod error;
 mod finds;
 mod fresnel;
 mod image;
@@ -43,10 +44,11 @@ pub use calibrate::{
     Calibrated, DropReason, DroppedLinks, Observation, calibrate, runs_along_a_side,
 };
 pub use device_offsets::{DeviceOffsets, Devices};
+pub use error::TomoError;
 pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
 pub use imaged_links::{Coverage, DIRECTIONS, ImagedLink, coverage, deviation_of};
-pub use imager::{Extras, Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
+pub use imager::{Extras, Imager, MOST_PIXELS, Reconstruction, reconstruct};
 pub use link::{Link, floor_dbm};
 pub use links_csv::{LINKS_HEADER, MISSED_POWER, links_csv};
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};

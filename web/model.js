@@ -30,6 +30,8 @@ export class Model {
     this.frames = 0;
     this.bytes = 0;
     this.texts = new Map();
+    /** How strongly pairs were heard in the present; it outlives a look at the past, and a connection that begins anew. */
+    this.presentHistory = new Map();
     this.forget();
   }
 
@@ -181,6 +183,9 @@ export class Model {
   /** A connection begins, perhaps to a server that was started anew. */
   takePlace(place) {
     this.forget();
+    const isSame = this.place?.venue === place.venue && this.place?.showing === place.showing;
+    if (!isSame) this.presentHistory = new Map();
+    this.history = this.presentHistory;
     this.place = place;
     this.moment = { ...this.moment, speed: null };
     [this.markers, this.isFilling] = [[], false];
@@ -190,6 +195,7 @@ export class Model {
   takeMoment(moment) {
     if (moment.isAnew) this.forget();
     this.moment = moment;
+    if (moment.isAnew && this.isPresent()) this.history = this.presentHistory;
     this.isFilling = !moment.isWhole;
   }
 

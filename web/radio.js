@@ -2,6 +2,8 @@
 
 /** A pair without a sample for so long is old. */
 const OLD_AFTER_MS = 5000;
+/** Strengths further apart than this are not joined by a line. */
+const GAP_MS = 5000;
 /** What a cell says: its number, its unit, and how bad it is from 0 to 1. */
 const PLANES = {
   rssi: { unit: "dBm", of: (pair) => pair.rssi, bad: (value) => (-50 - value) / 45 },
@@ -83,7 +85,7 @@ export class RadioPanel {
     const caption = document.getElementById("pair-caption");
     canvas.hidden = !this.chosen;
     if (!this.chosen) {
-      caption.textContent = "Choose a pair to see how strongly it was heard since this page has shown the present, or this moment.";
+      caption.textContent = "Choose a pair to see how strongly it was heard in the last minutes in which this page looked.";
       return;
     }
     const [one, other] = this.chosen;
@@ -105,9 +107,14 @@ export class RadioPanel {
     series.forEach((points, index) => {
       pen.setLineDash(ways[index][2]);
       pen.beginPath();
+      let before_ms = -Infinity;
       for (const [at_ms, rssi] of points) {
         if (rssi === null) continue;
-        pen.lineTo(((at_ms - first_ms) / (now_ms - first_ms)) * width, 6 + ((high - rssi) / (high - low)) * (height - 30));
+        const [x, y] = [((at_ms - first_ms) / (now_ms - first_ms)) * width, 6 + ((high - rssi) / (high - low)) * (height - 30)];
+        // What was not seen is not drawn.
+        if (at_ms - before_ms > GAP_MS) pen.moveTo(x, y);
+        else pen.lineTo(x, y);
+        before_ms = at_ms;
       }
       pen.stroke();
     });

@@ -93,7 +93,10 @@ impl NodePlaces {
         for (line, text) in numbered(text) {
             let (receiver, rssi_dbm, second_of_day) = self.round(line, text)?;
             rounds.push(Round {
-                at_s: clock.count(second_of_day),
+                at_s: clock.count(second_of_day).map_err(|back_s| {
+                    let found = format!("a clock that was set back by {back_s:.0} s");
+                    wrong(format!("{line}: "), found, "rounds in the order of time")
+                })?,
                 receiver,
                 rssi_dbm,
             });
@@ -207,20 +210,33 @@ struct Clock {
     first: Option<f64>,
     last: f64,
     days: f64,
+    newest_s: f64,
 }
+
+/// Lines of receivers may come out of order by this much, seconds.
+const OUT_OF_ORDER_S: f64 = 5.0;
 
 impl Clock {
     /// Returns the seconds since the first call.
-    fn count(&mut self, second_of_day: f64) -> f64 {
+    ///
+    /// # Errors
+    /// By how many seconds the clock was set back: what comes then has no time of its own.
+    fn count(&mut self, second_of_day: f64) -> Result<f64, f64> {
         let first = *self.first.get_or_insert(second_of_day);
-        // Half a day back is a day on, and half a day on a line from before midnight; a little back is a clock that was set.
+        // Half a day back is a day on, and half a day on a line from before midnight.
         if second_of_day < self.last - DAY_S / 2.0 {
             self.days += 1.0;
         } else if second_of_day > self.last + DAY_S / 2.0 && self.days > 0.0 {
             self.days -= 1.0;
         }
         self.last = second_of_day;
-        (second_of_day + self.days * DAY_S - first).max(0.0)
+        let since_s = second_of_day + self.days * DAY_S - first;
+        let back_s = self.newest_s - since_s;
+        self.newest_s = self.newest_s.max(since_s);
+        match back_s > OUT_OF_ORDER_S {
+            true => Err(back_s),
+            false => Ok(since_s.max(0.0)),
+        }
     }
 }
 
@@ -362,6 +378,16 @@ mod tests {
         let text = "0, -45, 127, -60, 11, 29, 58\n";
         let said = nodes().read_rounds(text).unwrap_err().to_string();
         assert!(said.contains("found 127 for node 1"), "{said}");
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_is_refused_with_its_line() {
+        let text = "0, -45, -50, -60, 11, 29, 58\n0, -45, -50, -60, 10, 29, 59\n";
+        let said = nodes().read_rounds(text).unwrap_err().to_string();
+        assert!(
+            said.starts_with("2: ") && said.contains("set back by 3599 s"),
+            "{said}"
+        );
     }
 
     #[test]

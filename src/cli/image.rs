@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
 use crate::geom::{Point, Rect};
-use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
+use crate::tomo::{
+    DropReason, Extras, Imager, ImagingSettings, Link, Reconstruction, Solver, TomoError,
+};
 use clap::Args;
 use tomoswarm_proto::RunId;
 
@@ -255,6 +257,7 @@ impl ImageCommand {
                 path: self.files[0].clone(),
                 problem,
             })?;
+        self.check_partners(&result)?;
         let tracks = network
             .filter(|_| self.track.is_some())
             .map(|network| network.track(settings.grid.area));
@@ -286,17 +289,19 @@ impl ImageCommand {
             progress: progress.as_deref(),
             earth: earth.as_ref(),
         };
-        Outputs::open(self)?.write(&made)?;
+        let outputs = Outputs::open(self)?;
         let mut text = summary(&result, (count, now.len()), unit);
         text.extend(offsets.map(|offsets| offsets_in_words(&offsets)));
         let named = Named::of(result.finds.as_ref(), &result.peaks);
         text.extend(stood.iter().map(|at| named.words(*at, unit.word()) + "\n"));
         text.extend(tracks.as_ref().map(Tracks::words));
+        // What cannot be said leaves no files behind.
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
         written.map_err(|source| CliError::Write {
             path: "standard output".into(),
             source,
-        })
+        })?;
+        outputs.write(&made)
     }
 
     /// Returns the pixel whose links are asked for.
@@ -402,6 +407,23 @@ impl ImageCommand {
             )));
         }
         Ok(())
+    }
+
+    /// Checks that the empty sweep holds most of the links: one of a place beside this holds a few, and shows nobody.
+    fn check_partners(&self, result: &Reconstruction) -> Result<(), CliError> {
+        let dropped = result.dropped.get(&DropReason::NoEmptyPartner);
+        let without = dropped.copied().unwrap_or_default();
+        match self.empty.first() {
+            Some(path) if without > result.used => Err(CliError::Input {
+                path: path.clone(),
+                reason: format!(
+                    "found {} of the {} links of the sweep, expected an empty sweep of the same place, with most of them",
+                    result.used,
+                    result.used + without
+                ),
+            }),
+            Some(_) | None => Ok(()),
+        }
     }
 
     /// Checks that marks are of the run that is imaged, as far as both say of which they are.
@@ -549,13 +571,5 @@ fn read_files(
 /// Returns the smallest rectangle around all ends.
 pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     let ends = links.flat_map(|link| [link.from, link.to]);
-    ends.map(|at| Rect::new(at, at))
-        .reduce(|a, b| {
-            let low = Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m));
-            Rect::new(
-                low,
-                Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
-            )
-        })
-        .unwrap_or(Rect::new(Point::default(), Point::default()))
+    Rect::around(ends).unwrap_or(Rect::new(Point::default(), Point::default()))
 }

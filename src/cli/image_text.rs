@@ -30,6 +30,11 @@ fn finds_in_words(finds: &Finds, unit: &str) -> String {
         .collect();
     match &finds.next {
         _ if !finds.found.is_empty() => text,
+        Some(next) if next.evidence >= finds.threshold => format!(
+            "somebody is there, but the links cannot tell where; the best place is at {}, of {:.1} that are needed\n",
+            place(next),
+            finds.threshold
+        ),
         Some(next) => format!(
             "nobody found; the best place is at {}, of {:.1} that are needed, probability {:.3}\n",
             place(next),
@@ -101,8 +106,12 @@ pub(super) fn summary(result: &Reconstruction, counts: (usize, usize), unit: Len
     if let Some(choice) = &result.choice {
         text += &format!("{}\n", choice.words());
     }
-    if let Some(finds) = &result.finds {
-        text += &finds_in_words(finds, unit);
+    match &result.finds {
+        Some(finds) => text += &finds_in_words(finds, unit),
+        None if result.by_empty_sweep => {
+            text += "persons are not searched: nothing of the area is far enough from its border, and between links\n";
+        }
+        None => {}
     }
     if let Some(shares) = &result.shares {
         text += &shares_in_words(shares, unit);

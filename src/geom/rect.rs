@@ -57,6 +57,28 @@ impl Rect {
         }
     }
 
+    /// Returns what it has in common with another one; `None` when that is nothing.
+    pub fn intersection(self, other: Rect) -> Option<Rect> {
+        let min = Point::new(
+            self.min.x_m.max(other.min.x_m),
+            self.min.y_m.max(other.min.y_m),
+        );
+        let max = Point::new(
+            self.max.x_m.min(other.max.x_m),
+            self.max.y_m.min(other.max.y_m),
+        );
+        (min.x_m < max.x_m && min.y_m < max.y_m).then_some(Rect { min, max })
+    }
+
+    /// Returns the smallest rectangle around points; `None` without one.
+    pub fn around(points: impl IntoIterator<Item = Point>) -> Option<Rect> {
+        let all = points.into_iter().map(|at| Rect::new(at, at));
+        all.reduce(|a, b| Rect {
+            min: Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m)),
+            max: Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
+        })
+    }
+
     /// Returns the shares of a segment at which the endless line through it enters and leaves the rectangle (Liang and
     /// Barsky 1984); `None` when it passes by, or touches a corner only.
     pub fn line_shares(self, line: Segment) -> Option<(f64, f64)> {

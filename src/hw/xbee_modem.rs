@@ -24,7 +24,7 @@ use tomoswarm_proto::{BEACON_BYTES_MAX, Beacon, Message, RadioHealth, codec};
 
 use self::incoming::Incoming;
 pub use self::troubles::ModemTrouble;
-use self::troubles::RecentTroubles;
+use self::troubles::{RECENT, RecentTroubles};
 use super::xbee_frame::{ApiMode, Decoder, Frame, encode};
 use super::xbee_registers::{
     Answer, Mismatches, ModuleSettings, ReadState, RegisterReads, Registers,
@@ -78,6 +78,8 @@ pub struct XbeeModem {
     /// Of the last beacon that was sent.
     last_id: u8,
     statuses_missing: u8,
+    /// When it said last that it has started.
+    reset_at: Option<Time>,
     opened: u64,
     counts: RadioHealth,
     /// Packets that were heard and held no beacon.
@@ -134,6 +136,7 @@ impl XbeeModem {
             given_back: None,
             last_id: 0,
             statuses_missing: 0,
+            reset_at: None,
             opened: 0,
             counts: RadioHealth::default(),
             foreign: 0,
@@ -277,6 +280,10 @@ impl XbeeModem {
             Incoming::Answer(answer) => self.hear_answer(now, &answer, out),
             Incoming::Status { id, status } => self.hear_status(now, id, status, out),
             Incoming::Reset => {
+                let again = |at: Time| now.since(at) <= RECENT;
+                if self.reset_at.replace(now).is_some_and(again) {
+                    self.troubles.note(now, ModemTrouble::StartsAgain);
+                }
                 self.drop_beacons(out);
                 self.read_registers(now, None, out);
             }
@@ -336,6 +343,7 @@ impl XbeeModem {
             let beacon = self.in_flight.take();
             return self.send_next(now, beacon.map(|beacon| beacon.number), out);
         }
+        self.troubles.note(now, ModemTrouble::ConfirmsNothing);
         self.drop_beacons(out);
         self.read_registers(now, None, out);
     }

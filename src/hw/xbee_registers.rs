@@ -37,10 +37,14 @@ pub const NP: AtName = AtName(*b"NP");
 /// Which frames say what was heard: 2 = with the strength; not known to an S1, which always says it.
 pub const AO: AtName = AtName(*b"AO");
 
+/// How packets are framed on the air: 0 and 3 = with the maker's header, without which modules do not understand each other. Not
+/// known to old firmware.
+pub const MM: AtName = AtName(*b"MM");
+
 /// Baud rate, as the index of one of [`crate::config::XBEE_BAUDS`].
 pub const BD: AtName = AtName(*b"BD");
 /// What is read before a module is used, in this order: the mode says how the rest is framed.
-pub const READ: [AtName; 12] = [AP, VR, HV, SH, SL, MY, ID, CH, PL, PP, NP, AO];
+pub const READ: [AtName; 13] = [AP, VR, HV, SH, SL, MY, ID, CH, PL, PP, NP, AO, MM];
 /// A module that does not know these is none of those that carry beacons.
 const NEEDED: [AtName; 6] = [AP, VR, HV, MY, ID, CH];
 
@@ -198,6 +202,7 @@ impl Registers {
             (ID, u32::from(settings.network)),
             (CH, u32::from(settings.channel)),
             (AO, 2),
+            (MM, 0),
         ];
         let differs = |(name, wanted)| match self.get(name) {
             Some(has) if has != wanted => Some(Mismatch::Register { name, has, wanted }),
@@ -351,9 +356,10 @@ mod tests {
                 (ID, Some(0x3332)),
                 (CH, Some(12)),
                 (AO, Some(0)),
+                (MM, Some(1)),
             ],
             &format!(
-                "AP is 1, wanted 2; ID is 3332, wanted 1A2B; CH is C, wanted F; AO is 0, wanted 2{sets}"
+                "AP is 1, wanted 2; ID is 3332, wanted 1A2B; CH is C, wanted F; AO is 0, wanted 2; MM is 1, wanted 0{sets}"
             ),
         );
         check(

@@ -440,7 +440,7 @@ fn values(settings: &ModuleSettings) -> VecDeque<(AtName, Vec<u8>)> {
         (AO, vec![2]),
         (AtName(*b"NI"), name.into_bytes()),
     ]);
-    let off = [b"CE", b"A1", b"SM", b"EE", b"RR", b"RN"];
+    let off = [b"CE", b"A1", b"SM", b"EE", b"RR", b"RN", b"MM"];
     values.extend(off.map(|name| (AtName(*name), vec![0])));
     values
 }

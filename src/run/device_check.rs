@@ -19,7 +19,10 @@ use super::drivers::autopilot::Autopilot;
 use super::drivers::radio::xbee_tool;
 use super::drivers::range::{Range, record_edges};
 use super::drivers::servo::{Servo, ServoPlace, WantedPulse};
-use crate::config::{AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, VehicleFile};
+use super::state_dir;
+use crate::config::{
+    AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, ServoDriver, ServoOutput, VehicleFile,
+};
 use crate::hw::edge_recording::{EdgeRecording, in_words};
 use crate::hw::xbee_registers::{Mismatches, ModuleSettings};
 use crate::node::Event;
@@ -56,8 +59,15 @@ impl DeviceCheck {
     /// Looks at all devices of a vehicle, one after the other; `found` is told of each.
     ///
     /// # Errors
-    /// No thread can be started, or a recording cannot be written.
+    /// No thread can be started, a recording cannot be written, or the vehicle runs: its devices are not for two.
     pub fn run(&self, file: &VehicleFile, found: &mut dyn FnMut(DeviceFound)) -> io::Result<()> {
+        if state_dir::is_in_use(Path::new(&file.state_dir)) {
+            let why = format!(
+                "vehicle {} runs, and its devices are its own: stop it first (its folder {} is in use)",
+                file.id, file.state_dir
+            );
+            return Err(io::Error::new(io::ErrorKind::ResourceBusy, why));
+        }
         let mut say = |device: String, answer| found(DeviceFound { device, answer });
         for (index, lines) in ultrasonic(file) {
             if let Some(folder) = &self.record_edges {
@@ -91,7 +101,13 @@ impl DeviceCheck {
         file: &VehicleFile,
         autopilot: &Autopilot,
     ) -> io::Result<Result<String, String>> {
-        let servo = Servo::start_still(&file.drivers.servo, &file.look)?;
+        let servo = match &file.drivers.servo {
+            pin if !self.moves && is_at_a_pin(pin) => {
+                let why = "not opened, since that would end its pulses (--move)";
+                return Ok(Ok(why.to_owned()));
+            }
+            driver => Servo::start_still(driver, &file.look)?,
+        };
         match servo.place() {
             ServoPlace::Nowhere => return Ok(Ok("none".to_owned())),
             ServoPlace::World => return Ok(Ok(SIMULATED.to_owned())),
@@ -114,6 +130,11 @@ impl DeviceCheck {
 }
 
 const SIMULATED: &str = "simulated, not looked at";
+
+/// Returns whether a servo is at a pin, which has no pulses from when it is opened until it is given one.
+fn is_at_a_pin(servo: &ServoDriver) -> bool {
+    matches!(servo, ServoDriver::Real(servo) if matches!(servo.output, ServoOutput::Gpio { .. }))
+}
 
 /// Returns the ultrasonic sensors, with their numbers.
 fn ultrasonic(file: &VehicleFile) -> impl Iterator<Item = (usize, &HcSr04Lines)> {

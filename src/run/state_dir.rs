@@ -107,6 +107,12 @@ impl FolderPlace {
     }
 }
 
+/// Returns whether another process has a folder; one that is not there is nobody's.
+pub fn is_in_use(folder: &Path) -> bool {
+    let lock = File::open(folder.join("lock"));
+    lock.is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockShared).is_err())
+}
+
 impl StateDir {
     /// Takes the folder, makes it if it is not there, and counts this start.
     ///

@@ -177,9 +177,12 @@ pub(super) fn find_persons(
     settings: &FindSettings,
 ) -> Option<Finds> {
     let person = settings.person;
+    // Beyond the links there is nothing to find, and whoever looks there does not know how often nobody seems to be somebody.
+    let ends = Rect::around(observations.iter().flat_map(|one| [one.from, one.to]))?;
+    let area = area.intersection(ends.shrunk(-settings.rim_m))?;
     // Nobody stands nearer to the border than he is wide.
     let inner = area.shrunk(settings.rim_m.max(person.radius_m));
-    if observations.is_empty() || inner.width_m() <= 0.0 || inner.height_m() <= 0.0 {
+    if inner.width_m() <= 0.0 || inner.height_m() <= 0.0 {
         return None;
     }
     let smear_m = driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt());

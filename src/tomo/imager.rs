@@ -11,6 +11,7 @@ use crate::geom::{Point, Segment};
 use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
 use super::deviation::{PosteriorInputs, posterior_deviation, sparse_deviation};
+use super::error::TomoError;
 use super::finds::{Driven, Finds, find_persons};
 use super::imaged_links::ImagedLink;
 use super::map_solver::{MapProblem, MapSettings, Nuisance};
@@ -24,35 +25,6 @@ use super::student;
 use super::weights::WeightRows;
 use super::{Image, Link};
 
-/// Why there is no image.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-pub enum TomoError {
-    /// The grid has no pixels, too many, or no size.
-    #[error(
-        "the image must have 1 to {most} pixels on an area of positive size, found {columns} x {rows} on {width} x {height}"
-    )]
-    BadGrid {
-        /// Most pixels that are allowed.
-        most: usize,
-        /// Pixels from west to east.
-        columns: usize,
-        /// Pixels from south to north.
-        rows: usize,
-        /// Of the area.
-        width: f64,
-        /// Of the area.
-        height: f64,
-    },
-    /// Nothing is left to image.
-    #[error("no link can be imaged: {given} given, dropped: {dropped}")]
-    NoLinks {
-        /// Links given.
-        given: usize,
-        /// Reasons and counts, in words.
-        dropped: String,
-    },
-}
-
 /// Structure this many prior deviations strong leaves half of the room for a change.
 const SOLID_SD: f64 = 1.5;
 /// What stood in an empty sweep is not imaged anew while its links differ by no more than this, dB: what radios differ by,
@@ -60,6 +32,11 @@ const SOLID_SD: f64 = 1.5;
 const SAME_SCENE_DB: f64 = 0.5;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
+
+/// Most weights of pixels in links: 2 GB.
+const MOST_WEIGHTS: usize = 250_000_000;
+/// Links by which their number is reckoned.
+const WEIGHED_LINKS: usize = 64;
 
 /// What is wanted beside an image; each takes longer than the image.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -107,7 +84,7 @@ pub struct Reconstruction {
 /// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
 ///
 /// # Errors
-/// [`TomoError::BadGrid`] and [`TomoError::NoLinks`].
+/// [`TomoError`].
 pub fn reconstruct(
     now: &[Link],
     empty: Option<&[Link]>,
@@ -229,7 +206,7 @@ impl Imager {
     /// Reconstructs from all links so far.
     ///
     /// # Errors
-    /// [`TomoError::NoLinks`].
+    /// [`TomoError::NoLinks`], [`TomoError::TooManyWeights`].
     pub fn update(
         &mut self,
         now: &[Link],
@@ -237,6 +214,7 @@ impl Imager {
         extras: Extras,
     ) -> Result<Reconstruction, TomoError> {
         let mut calibrated = calibrate(now, empty, &self.settings);
+        self.check_weights(&calibrated.observations)?;
         let mut rows = self.rows(&mut calibrated);
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks {
@@ -372,6 +350,26 @@ impl Imager {
             room: room.clone(),
         });
         room
+    }
+
+    /// Checks that the weights fit into memory, by those of a few links.
+    fn check_weights(&self, links: &[Observation]) -> Result<(), TomoError> {
+        let grid = &self.settings.grid;
+        let step = links.len().div_ceil(WEIGHED_LINKS).max(1);
+        let some = links.iter().step_by(step);
+        let counted = some.len().max(1);
+        let segments = some.map(|link| Segment::new(link.from, link.to));
+        let rows = WeightRows::rescaled(segments, grid, self.settings.weights);
+        let weights = rows.values() * links.len() / counted;
+        match weights > MOST_WEIGHTS {
+            true => Err(TomoError::TooManyWeights {
+                links: links.len(),
+                pixels: grid.len(),
+                weights,
+                most: MOST_WEIGHTS,
+            }),
+            false => Ok(()),
+        }
     }
 
     /// Builds the weights, and drops links that do not touch the area.

@@ -177,6 +177,10 @@ impl WeightRows {
                 | WeightModel::Exponential { .. } => self.push_ellipse(link, grid, model),
             }
         }
+        // A zone between the middles of large pixels meets the pixels of its line all the same.
+        if self.runs.len() == self.row_starts[self.row_starts.len() - 1] as usize {
+            self.push_line(link, grid);
+        }
         self.row_starts.push(self.runs.len() as u32);
     }
 
@@ -510,6 +514,23 @@ mod tests {
         rows.row(0)
             .for_each(|(pixel, weight)| image[pixel] += weight);
         image
+    }
+
+    #[test]
+    fn a_link_between_the_middles_of_large_pixels_has_those_that_it_crosses() {
+        let grid = grid(2, 2, 20.0, 20.0);
+        for model in [
+            WeightModel::InverseArea { width_m: 0.01 },
+            WeightModel::Fresnel {
+                wavelength_m: 0.125,
+            },
+        ] {
+            let along = link(0.5, 9.0, 19.5, 9.5);
+            let rows = WeightRows::rescaled([along, link(0.5, 25.0, 19.5, 25.0)], &grid, model);
+            let sum: f64 = rows.row(0).map(|(_, weight)| weight).sum();
+            assert!((sum - along.length_m()).abs() < 1e-9, "{model:?}: {sum}");
+            assert_eq!(rows.row(1).count(), 0, "it lies outside");
+        }
     }
 
     /// facts.json, weights-001.

@@ -148,6 +148,13 @@ fn an_empty_sweep_of_another_place_or_channel_is_refused() {
         "expected an empty sweep of the same place",
     ];
     check_refused(&files, &["now.csv", "--empty", "far.csv"], &words);
+    let beside = samples_at(4.0, None, 11);
+    let files = [("now.csv", now.as_str()), ("beside.csv", beside.as_str())];
+    let words = [
+        "beside.csv: found ",
+        "links of the sweep, expected an empty sweep of the same place, with most of them",
+    ];
+    check_refused(&files, &["now.csv", "--empty", "beside.csv"], &words);
     let other = samples(None, 26);
     let files = [("now.csv", now.as_str()), ("other.csv", other.as_str())];
     let words = ["other.csv: found channel 26, expected an empty sweep on channel 11"];

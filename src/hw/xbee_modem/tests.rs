@@ -51,7 +51,7 @@ struct Rig {
 
 impl Rig {
     fn new(changed: &[(AtName, Option<&[u8]>)]) -> Rig {
-        let good: [&[u8]; 12] = [
+        let good: [&[u8]; 13] = [
             &[2],
             &[0x20, 0x14],
             &[0x41, 0x42],
@@ -64,6 +64,7 @@ impl Rig {
             &[8],
             &[114],
             &[2],
+            &[0],
         ];
         let mut registers: Vec<(AtName, Option<Vec<u8>>)> = READ
             .into_iter()
@@ -374,6 +375,13 @@ fn a_module_that_was_reset_is_asked_again_and_sends_nothing_meanwhile() {
         rig.answers = true;
         rig.due(204);
         assert!(rig.modem.is_ready());
+        assert_eq!(
+            rig.troubles(204),
+            ["the module starts anew again and again: its supply may be too weak"]
+        );
+        assert!(rig.troubles(11_000).is_empty());
+        rig.say(20_000, &Frame::ModemStatus(status));
+        assert!(rig.troubles(20_000).is_empty(), "once in a while it may");
     }
 }
 
@@ -387,6 +395,14 @@ fn a_module_that_says_no_status_thrice_is_asked_for_its_registers() {
         assert_eq!(rig.modem.is_ready(), time < 3);
     }
     assert_eq!(rig.unsent, [1; 3]);
+    rig.answers = true;
+    rig.due(1_400);
+    assert!(rig.modem.is_ready(), "it answers short questions");
+    let told = rig.troubles(1_400);
+    assert!(
+        matches!(&told[..], [told] if told.starts_with("the module does not say what became of its beacons")),
+        "{told:?}"
+    );
 }
 
 #[test]

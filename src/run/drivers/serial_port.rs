@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use rustix::fs::{FlockOperation, Mode, OFlags};
-use serial2::SerialPort;
+use serial2::{SerialPort, StopBits};
 
 /// Opens a port for this process alone. It is locked before anything is set: another program's port stays as it is. Who reads it
 /// waits so long for bytes.
@@ -28,13 +28,15 @@ pub(super) fn open(port: &str, baud: u32, waits: Duration) -> io::Result<SerialP
     Ok(port)
 }
 
-/// Sets the speed of a port.
+/// Sets the speed of a port, and two stop bits: every receiver takes bytes that come a little later, and an XBee of the first
+/// series, whose clock is 3.6 % slow at 115,200 baud, loses those that follow each other at once.
 ///
 /// # Errors
 /// It has gone.
 pub(super) fn set_baud(port: &mut SerialPort, baud: u32) -> io::Result<()> {
     let mut settings = port.get_configuration()?;
     settings.set_raw();
+    settings.set_stop_bits(StopBits::Two);
     settings.set_baud_rate(baud)?;
     port.set_configuration(&settings)
 }

@@ -87,6 +87,25 @@ fn where_nobody_stands_nobody_is_found() {
 }
 
 #[test]
+fn an_area_far_beyond_the_links_shows_nobody_more() {
+    let corner = |m| Point::new(m, m);
+    let wide = Rect::new(corner(-100.0), corner(120.0));
+    let settings = FindSettings::IN_METRES;
+    let found: usize = (0..10)
+        .map(|seed| {
+            let finds = find_persons(&sweep(400, &[], seed), wide, None, &settings);
+            finds.unwrap().found.len()
+        })
+        .sum();
+    assert!(found <= 1, "{found} of 10");
+    let person = Point::new(8.0, 11.0);
+    let finds = find_persons(&sweep(1500, &[person], 3), wide, None, &settings).unwrap();
+    assert_eq!(finds.found.len(), 1, "{finds:?}");
+    let apart = Rect::new(corner(60.0), corner(80.0));
+    assert!(find_persons(&sweep(400, &[], 1), apart, None, &settings).is_none());
+}
+
+#[test]
 fn too_few_links_give_a_place_and_no_find() {
     let person = Point::new(8.0, 11.0);
     let finds = find(&sweep(100, &[person], 3));

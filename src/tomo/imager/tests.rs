@@ -24,6 +24,18 @@ fn links(apart_m: f64) -> Vec<Link> {
 }
 
 #[test]
+fn weights_that_would_fill_the_memory_are_refused_before_they_are_made() {
+    let mut settings = ImagingSettings::for_area(AREA);
+    (settings.grid.columns, settings.grid.rows) = (1024, 1024);
+    let many = [links(0.05), links(0.051), links(0.052)].concat();
+    let refused = reconstruct(&many, None, &settings).unwrap_err();
+    assert!(
+        matches!(refused, TomoError::TooManyWeights { pixels: 1_048_576, weights, .. } if weights > MOST_WEIGHTS),
+        "{refused}"
+    );
+}
+
+#[test]
 fn shares_sum_to_their_pixel_where_links_lie_in_one_bin() {
     let settings = ImagingSettings::for_area(AREA);
     let now = links(0.1);

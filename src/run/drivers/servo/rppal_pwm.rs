@@ -30,12 +30,16 @@ impl RppalPwm {
             .strip_prefix("GPIO")
             .and_then(|number| number.parse().ok());
         let number = number.ok_or("no GPIO line has this name; GPIO0 to GPIO27 is needed")?;
-        let gpio = Gpio::new().map_err(|error| in_words(&error))?;
+        let gpio = Gpio::new().map_err(|error| {
+            format!("{error}; `[servo.pwm]` names a PWM chip of the kernel instead")
+        })?;
         let pin = gpio.get(number).map_err(|error| in_words(&error))?;
         if let Some((channel, mode)) = channel(number, machine.soc())
             && pin.mode() == mode
-            && let Ok(mut pwm) = Pwm::new(channel)
         {
+            // Pulses of a thread would vary by more than the servo's ends allow, and nobody would know why.
+            let mut pwm = Pwm::new(channel)
+                .map_err(|error| format!("its PWM hardware cannot be used: {error}"))?;
             // A servo without pulses would let the sensor swing.
             pwm.set_reset_on_drop(false);
             return Ok(RppalPwm::Hardware(pwm));

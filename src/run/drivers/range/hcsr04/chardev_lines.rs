@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use gpiocdev::line::{EdgeDetection, EdgeKind, Offset, Value};
+use gpiocdev::line::{Bias, EdgeDetection, EdgeKind, Offset, Value};
 use gpiocdev::{FoundLine, Request};
 
 use crate::config::HcSr04Lines;
@@ -78,6 +78,23 @@ fn in_words(line: &FoundLine, error: &gpiocdev::Error) -> String {
     }
 }
 
+/// Takes the echo line. A wire that is broken must be low, since one that hums gives pulses as of an echo; a chip that cannot
+/// pull a line down leaves that to a resistor.
+fn watched(echo: &FoundLine) -> Result<Request, String> {
+    let take = |bias: Option<Bias>| {
+        let mut request = Request::builder();
+        request
+            .with_consumer(CONSUMER)
+            .with_found_line(echo)
+            .as_input()
+            .with_bias(bias)
+            .with_edge_detection(EdgeDetection::BothEdges)
+            .request()
+    };
+    let taken = take(Some(Bias::PullDown)).or_else(|_| take(None));
+    taken.map_err(|error| in_words(echo, &error))
+}
+
 impl ChardevLines {
     /// Finds the lines and takes them.
     ///
@@ -97,13 +114,7 @@ impl ChardevLines {
             power: power
                 .map(|power| OutputLine::take(power, Value::Active))
                 .transpose()?,
-            echo: Request::builder()
-                .with_consumer(CONSUMER)
-                .with_found_line(echo)
-                .as_input()
-                .with_edge_detection(EdgeDetection::BothEdges)
-                .request()
-                .map_err(|error| in_words(echo, &error))?,
+            echo: watched(echo)?,
         })
     }
 

@@ -43,7 +43,8 @@ impl Wiring {
     /// In words: a line is not there, its name is that of several, or it is in use.
     pub(super) fn open(&self) -> Result<EchoLines, String> {
         match self {
-            Wiring::Machine(lines) if rppal_lines::is_raspberry_pi() => {
+            // Kernels of which rppal finds no chip have the lines all the same.
+            Wiring::Machine(lines) if rppal_lines::are_reachable() => {
                 RppalLines::open(lines).map(EchoLines::Rppal)
             }
             Wiring::Machine(lines) => ChardevLines::open(lines).map(EchoLines::Chardev),

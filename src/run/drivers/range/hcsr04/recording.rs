@@ -6,10 +6,13 @@ use std::time::Duration;
 use super::kernel_now;
 use super::lines::{EchoLines, Wiring};
 use crate::config::HcSr04Lines;
+use crate::hw::echo_edges::Edge;
 use crate::hw::edge_recording::{EdgeRecording, QUIET, RecordedPing};
 
 /// So many times the sensor is triggered.
 const PINGS: usize = 20;
+/// Edges of one ping; a sensor gives two.
+const EDGES_MAX: usize = 200;
 
 /// Records some pings of a sensor.
 ///
@@ -37,16 +40,22 @@ fn ping(lines: &mut EchoLines) -> Result<RecordedPing, String> {
         is_high: false,
         edges: Vec::new(),
     };
-    while let Some(edge) = lines.next_edge(Duration::ZERO)? {
-        recorded.unasked.push(edge);
-    }
+    take_edges(lines, Duration::ZERO, &mut recorded.unasked)?;
     recorded.is_high = lines.is_high()?;
     recorded.at = kernel_now();
     if !recorded.is_high {
         lines.trigger()?;
     }
-    while let Some(edge) = lines.next_edge(QUIET)? {
-        recorded.edges.push(edge);
-    }
+    take_edges(lines, QUIET, &mut recorded.edges)?;
     Ok(recorded)
+}
+
+/// Takes edges until the line is quiet. One that hums never is; a part of it tells as much.
+fn take_edges(lines: &mut EchoLines, quiet: Duration, edges: &mut Vec<Edge>) -> Result<(), String> {
+    while edges.len() < EDGES_MAX
+        && let Some(edge) = lines.next_edge(quiet)?
+    {
+        edges.push(edge);
+    }
+    Ok(())
 }

@@ -10,9 +10,9 @@ use crate::config::HcSr04Lines;
 use crate::hw::echo_edges::Edge;
 use crate::time::Time;
 
-/// Returns whether this machine is a Raspberry Pi.
-pub(super) fn is_raspberry_pi() -> bool {
-    DeviceInfo::new().is_ok()
+/// Returns whether this machine is a Raspberry Pi whose chip is found: rppal looks for those with the lowest numbers alone.
+pub(super) fn are_reachable() -> bool {
+    DeviceInfo::new().is_ok() && Gpio::new().is_ok()
 }
 
 /// Lines that are taken.
@@ -38,7 +38,8 @@ impl RppalLines {
             })?;
             gpio.get(number).map_err(|error| format!("{name}: {error}"))
         };
-        let mut echo = pin(&lines.echo)?.into_input();
+        // A wire that is broken must be low: one that hums gives pulses as of an echo.
+        let mut echo = pin(&lines.echo)?.into_input_pulldown();
         let watched = echo.set_interrupt(Trigger::Both, None);
         watched.map_err(|error| format!("{}: {error}", lines.echo))?;
         let power = lines.power.as_deref().map(pin).transpose()?;
