@@ -1,6 +1,8 @@
 // Another run beside the one that is shown: where its vehicles were at the same time of the run, and how they came there. Both runs
 // lie over each other from their first starts on, which the server has reckoned in. Loaded once, when the server says that there is one.
 
+import { ANSWERED_WITHIN_MS } from "./pace.js";
+
 const NUMBERS = 5;
 /** Between poses that are further apart in time nobody knows where a vehicle was, seconds. */
 const GAP_S = 30;

@@ -1,6 +1,8 @@
 // Why a pixel is dark: its value as the sum of what each link adds, asked from the server, told in words and drawn through the scene.
 // The picture is pointed at, or the scene where it lies, or a place is given.
 
+import { ANSWERED_WITHIN_MS } from "./pace.js";
+
 const CRIMSON = [185, 10, 50];
 const TEAL = [0, 120, 112];
 /** Links in words, and drawn. */

@@ -8,7 +8,9 @@ use std::process::Command;
 
 use tomoswarm_proto::Sender;
 
-use super::accept_files::{Files, merged, new_files, user_in};
+use super::accept_files::{
+    CONFIGS, Files, is_enrolled, is_leaving, is_named, merged, new_files, user_in,
+};
 use super::enroll_files::{CA, CA_KEY, CERTIFICATE, KEY, ROSTER, VENUE};
 use super::error::CliError;
 use super::read;
@@ -16,20 +18,19 @@ use super::swarm_folder::{check_same_venue, read_venue};
 use crate::config::{self, BusFile, Config, Identity, Venue};
 use crate::run::membership::{OPERATOR, seen_roster_issue};
 use crate::run::trust::{
-    Certificate, CommonName, NewFile, Owner, Roster, TrustError, Trusted, own, read_limited_bytes,
-    replace_file, replace_folder,
+    Certificate, CommonName, NewFile, Owner, Roster, TrustError, Trusted, is_as_replaced, own,
+    read_limited_bytes, read_regular, replace_file, replace_folder,
 };
 
 /// The user of the services.
 const USER: &str = "tomoswarm";
-/// The configurations that a node's folder may have, one of them.
-const CONFIGS: [&str; 3] = ["vehicle.toml", "ground.toml", "operator.toml"];
 
 /// Take over on this machine what `enroll` made for it: a node's whole folder, or a newer roster alone.
 ///
-/// FOLDER is a folder that `tomoswarm enroll` made for one node, or a roster.txt. Chain, roster, id, venue and the key's mode are
-/// checked; then the folder of the node is exchanged in one step, and the former one is kept beside it. A configuration that was
-/// edited here stays. A node that runs takes up a newer roster, or a new certificate, by itself within seconds.
+/// FOLDER is a folder that `tomoswarm enroll` made for one node, or a roster.txt. Chain, roster, id, venue and the key's mode
+/// are checked; then the folder of the node is exchanged in one step, and the former one is kept beside it. A configuration
+/// that was edited here stays. Of what was brought it takes the files that `enroll` makes and those that the configuration
+/// names, and follows no links. A node that runs takes up a newer roster, or a new certificate, by itself within seconds.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct AcceptArgs {
@@ -134,7 +135,13 @@ impl AcceptArgs {
                           the folder of one node inside it is expected";
             return Err(input(&self.folder, reason));
         }
-        let (brought, own_files) = (files_in(&self.folder)?, self.own_files()?);
+        let (
+            Brought {
+                files: brought,
+                left,
+            },
+            own_files,
+        ) = (files_brought(&self.folder)?, self.own_files()?);
         let config = config_of(&self.folder, &brought)?;
         let merged = merged(&brought, &own_files, config);
         let node = Node::of(&self.into, &merged.files)?;
@@ -152,12 +159,22 @@ impl AcceptArgs {
         let seen = node.seen(&own_files)?;
         let trusted = Trusted::read_brought(&identity, node.sender, seen).map_err(refused)?;
         let about = format!("{}, roster issue {}", trusted.own, trusted.roster.issue);
-        if merged.files == own_files {
-            return Ok((node.sender, format!("{about}: is here already\n")));
+        let (new, owner) = (new_files(&merged.files), owner());
+        let is_same = merged.files == own_files;
+        if is_same && is_as_replaced(&self.into, &new, owner).is_ok_and(|is_right| is_right) {
+            let mut text = format!("{about}: is here already\n");
+            text += &remarks(&left, owner);
+            return Ok((node.sender, text));
         }
-        let former = replace_folder(&self.into, &new_files(&merged.files), owner())
+        let former = replace_folder(&self.into, &new, owner)
             .map_err(|source| unwritten(&self.into, source))?;
-        let mut text = format!("{} is now that of {about}\n", self.into.display());
+        let mut text = match is_same {
+            false => format!("{} is now that of {about}\n", self.into.display()),
+            true => format!(
+                "{about}: was here already, and its files have the owner and the modes now that its service needs\n"
+            ),
+        };
+        text += &remarks(&left, owner);
         if let Some(former) = former {
             text += &format!("the former folder is kept in {}\n", former.display());
         }
@@ -365,22 +382,76 @@ fn text_of(path: &Path, file: Option<&Vec<u8>>) -> Result<String, CliError> {
     String::from_utf8(file.clone()).map_err(|error| input(path, error))
 }
 
+/// What was brought.
+struct Brought {
+    /// What is taken.
+    files: Files,
+    /// Names of what is not, without leavings of other machines.
+    left: Vec<String>,
+}
+
+/// Returns the files of a folder that was brought which `enroll` makes, or which its configuration names; follows no links.
+fn files_brought(folder: &Path) -> Result<Brought, CliError> {
+    let (mut files, mut others) = (Files::new(), Vec::new());
+    for name in names_in(folder)? {
+        match is_enrolled(&name) {
+            true => drop(files.insert(name.clone(), regular(&folder.join(&name))?)),
+            false if is_leaving(&name) => {}
+            false => others.push(name),
+        }
+    }
+    let (named, left): (Vec<String>, Vec<String>) =
+        others.into_iter().partition(|name| is_named(&files, name));
+    for name in named {
+        let content = regular(&folder.join(&name))?;
+        files.insert(name, content);
+    }
+    Ok(Brought { files, left })
+}
+
+fn regular(path: &Path) -> Result<Vec<u8>, CliError> {
+    read_regular(path).map_err(|source| unread(path, source))
+}
+
+/// Returns the names in a folder, in order.
+fn names_in(folder: &Path) -> Result<Vec<String>, CliError> {
+    let unlisted = |error| {
+        let reason = format!("cannot be read: {error}; the folder of one node is expected");
+        input(folder, reason)
+    };
+    let entries = std::fs::read_dir(folder).map_err(unlisted)?;
+    let entries: Vec<_> = entries.collect::<Result<_, _>>().map_err(unlisted)?;
+    let names = entries.iter().map(std::fs::DirEntry::file_name);
+    // No file that is of use has a name that is no text.
+    let mut names: Vec<String> = names.flat_map(std::ffi::OsString::into_string).collect();
+    names.sort_unstable();
+    Ok(names)
+}
+
+/// Returns what else is to be said: what was brought in vain, and that the services' user is missing.
+fn remarks(left: &[String], owner: Option<Owner>) -> String {
+    let mut text = String::new();
+    if !left.is_empty() {
+        text += &format!(
+            "left where it was, since `enroll` does not make it and no configuration names it: {}\n",
+            left.join(", ")
+        );
+    }
+    if owner.is_none() && rustix::process::geteuid().is_root() {
+        text += &format!(
+            "there is no user {USER}, so its service could not read this: install the package, then accept it again\n"
+        );
+    }
+    text
+}
+
 /// Returns every file of a folder, without those in folders inside it.
 fn files_in(folder: &Path) -> Result<Files, CliError> {
     let mut files = Files::new();
-    let unlisted = |error| {
-        input(
-            folder,
-            format!("cannot be read: {error}; the folder of one node is expected"),
-        )
-    };
-    for entry in std::fs::read_dir(folder).map_err(unlisted)? {
-        let entry = entry.map_err(unlisted)?;
-        let path = entry.path();
-        // A link counts as what it leads to.
-        let is_file = path.is_file();
-        let name = entry.file_name().into_string();
-        if let (true, Ok(name)) = (is_file, name) {
+    for name in names_in(folder)? {
+        let path = folder.join(&name);
+        // A link counts as what it leads to: it is the node's own.
+        if path.is_file() {
             let content = read_limited_bytes(&path).map_err(|source| unread(&path, source))?;
             files.insert(name, content);
         }
@@ -442,6 +513,64 @@ fn unread(path: &Path, source: std::io::Error) -> CliError {
 }
 
 fn unwritten(path: &Path, error: std::io::Error) -> CliError {
-    let needed = "sudo is needed, or a folder of yours with --into";
+    let needed = match error.kind() {
+        ErrorKind::ResourceBusy | ErrorKind::CrossesDevices => {
+            "it is a mount point, and a folder is exchanged in one step: --into a folder inside it, which the service is told \
+             (systemctl edit), or take the mount away"
+        }
+        _ => "sudo is needed, or a folder of yours with --into",
+    };
     input(path, format!("cannot be written: {error}; {needed}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_enroll_does_not_make_is_left_and_links_are_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        let taken = || files_brought(folder.path());
+        write(
+            "vehicle.toml",
+            "autopilot.mavlink.signing.key = \"mavlink.key\"",
+        );
+        for name in [
+            "key.pem",
+            "mavlink.key",
+            "photo.jpg",
+            "._key.pem",
+            ".DS_Store",
+        ] {
+            write(name, "content");
+        }
+        std::fs::create_dir(folder.path().join("places")).unwrap();
+        let Brought { files, left } = taken().unwrap();
+        let names: Vec<&String> = files.keys().collect();
+        assert_eq!(names, ["key.pem", "mavlink.key", "vehicle.toml"]);
+        assert_eq!(left, ["photo.jpg", "places"]);
+        assert!(remarks(&left, None).contains("no configuration names it: photo.jpg, places\n"));
+        for name in ["ca.pem", "mavlink.key"] {
+            // It may be there already.
+            let _ = std::fs::remove_file(folder.path().join(name));
+            std::os::unix::fs::symlink("/etc/passwd", folder.path().join(name)).unwrap();
+            let why = taken().err().unwrap().to_string();
+            assert!(why.contains(name) && why.contains("it is a link"), "{why}");
+            std::fs::remove_file(folder.path().join(name)).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_mount_point_is_named_as_what_it_is() {
+        for (kind, part) in [
+            (ErrorKind::ResourceBusy, "it is a mount point"),
+            (ErrorKind::CrossesDevices, "it is a mount point"),
+            (ErrorKind::PermissionDenied, "sudo is needed"),
+        ] {
+            let said = unwritten(Path::new("/etc/tomoswarm"), kind.into()).to_string();
+            assert!(said.contains(part), "{said}");
+        }
+    }
 }

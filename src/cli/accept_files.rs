@@ -3,8 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use super::enroll_files::{CA, CERTIFICATE, ROSTER, VENUE};
+use super::enroll_files::{CA, CERTIFICATE, KEY, ROSTER, VENUE};
 use crate::run::trust::NewFile;
+
+/// The configurations that a node's folder may have, one of them.
+pub(super) const CONFIGS: [&str; 3] = ["vehicle.toml", "ground.toml", "operator.toml"];
 
 /// Files of one folder by name.
 pub(super) type Files = BTreeMap<String, Vec<u8>>;
@@ -18,6 +21,28 @@ pub(super) struct MergedFiles {
     pub(super) is_edited: bool,
     /// Name under which the configuration that was brought lies beside an edited one, if it says something new.
     pub(super) beside: Option<String>,
+}
+
+/// Returns whether a file that was brought is one that `enroll` makes for a node.
+pub(super) fn is_enrolled(name: &str) -> bool {
+    [CA, CERTIFICATE, KEY, ROSTER, VENUE].contains(&name) || CONFIGS.contains(&name)
+}
+
+/// Returns whether a file lies there because of the machine that has written the stick.
+pub(super) fn is_leaving(name: &str) -> bool {
+    name.starts_with('.') || ["Thumbs.db", "desktop.ini"].contains(&name)
+}
+
+/// Returns whether a configuration names a file.
+pub(super) fn is_named(files: &Files, name: &str) -> bool {
+    let quoted = [format!("\"{name}\""), format!("'{name}'")];
+    let names_it = |config: &&str| {
+        let text = files
+            .get(*config)
+            .and_then(|text| std::str::from_utf8(text).ok());
+        text.is_some_and(|text| quoted.iter().any(|name| text.contains(name)))
+    };
+    CONFIGS.iter().any(names_it)
 }
 
 /// Returns what a node's folder is to hold: what is brought, and of its own what is not brought. A configuration that was edited
@@ -127,6 +152,23 @@ mod tests {
             &[(CONFIG, "mine")],
             &[(CONFIG, "mine"), (base, "a"), (new, "a")],
         );
+    }
+
+    #[test]
+    fn of_what_is_brought_counts_what_enroll_makes_and_what_a_configuration_names() {
+        let brought = files(&[(CONFIG, "key = \"mavlink.key\"")]);
+        for (name, is_taken) in [
+            (CONFIG, true),
+            ("key.pem", true),
+            ("mavlink.key", true),
+            ("link.key", false),
+            ("photo.jpg", false),
+            ("._key.pem", false),
+        ] {
+            let found = is_enrolled(name) || is_named(&brought, name);
+            assert_eq!(found, is_taken, "{name}");
+        }
+        assert!(is_leaving("._key.pem") && is_leaving(".DS_Store") && !is_leaving("photo.jpg"));
     }
 
     #[test]

@@ -726,9 +726,9 @@ mod tests {
         let config = file.replace("[imaging]\n", "[imaging]\nbin_m = 2.0\n");
         make_store_of(&store, &config);
         export(&store, &out, Some(2)).unwrap();
-        // Ten places, a metre apart.
+        // Ten places, a metre apart; the first one is alone in its bin, whose middle it is.
         let recording = super::super::image::read_file(&out.join("run-2-links.csv")).unwrap();
-        assert_eq!(recording.links.len(), 5);
+        assert_eq!(recording.links.len(), 6);
     }
 
     #[test]

@@ -110,7 +110,7 @@ impl Keyed for Record {
             limit_mb,
             Whole {
                 name: "limit_mb",
-                default: 256,
+                default: 4000,
                 allowed: 0..=1_000_000,
                 means,
             },

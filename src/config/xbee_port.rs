@@ -21,8 +21,9 @@ pub const XBEE_POWERS_DBM: [i8; 19] = [
 
 /// Bytes of a frame around a beacon, the same to the module and from it (Digi 90000982, frames 0x01 and 0x81).
 const FRAME_BYTES: usize = 9;
-/// Bits on the serial line for each byte.
-const BITS: f64 = 10.0;
+/// Bits on the serial line for each byte, to the module (with two stop bits) and from it.
+const BITS_TO: f64 = 11.0;
+const BITS_FROM: f64 = 10.0;
 /// Most time that a broadcast without payload takes on the air, with all waits for the channel, and that of each byte,
 /// milliseconds (Digi, "802.15.4 latency", 16-bit addresses).
 const AIR_MOST_MS: f64 = 9.376;
@@ -44,8 +45,9 @@ impl XbeePort {
     /// Returns the most time from when a beacon of so many bytes is handed to the port until another vehicle has heard it from a
     /// port like this, milliseconds: two serial lines, and the air.
     pub fn latency_ms(&self, bytes: usize) -> f64 {
-        let line_ms = BITS * (bytes + FRAME_BYTES) as f64 * 1e3 / f64::from(self.baud);
-        2.0 * line_ms + AIR_MOST_MS + AIR_BYTE_MS * bytes as f64
+        let bits = (BITS_TO + BITS_FROM) * (bytes + FRAME_BYTES) as f64;
+        let lines_ms = bits * 1e3 / f64::from(self.baud);
+        lines_ms + AIR_MOST_MS + AIR_BYTE_MS * bytes as f64
     }
 
     /// Refuses a transmit power that no module has.

@@ -31,7 +31,7 @@ pub struct RecordedPing {
     pub at: Time,
     /// Whether the line was high then; such a sensor is not triggered.
     pub is_high: bool,
-    /// What the line did until it was quiet.
+    /// What the line did until it was quiet; its beginning alone where it never was.
     pub edges: Vec<Edge>,
 }
 

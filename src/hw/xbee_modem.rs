@@ -24,7 +24,7 @@ use tomoswarm_proto::{BEACON_BYTES_MAX, Beacon, Message, RadioHealth, codec};
 
 use self::incoming::Incoming;
 pub use self::troubles::ModemTrouble;
-use self::troubles::{RECENT, RecentTroubles};
+use self::troubles::RecentTroubles;
 use super::xbee_frame::{ApiMode, Decoder, Frame, encode};
 use super::xbee_registers::{
     Answer, Mismatches, ModuleSettings, ReadState, RegisterReads, Registers,
@@ -37,6 +37,10 @@ use crate::time::Time;
 const STATUS_WITHIN: Duration = Duration::from_millis(200);
 /// After so many of these one after the other the module is asked for its registers again.
 const STATUSES_MISSING: u8 = 3;
+/// Resets are counted for so long,
+const RESETS_COUNTED: Duration = Duration::from_secs(60);
+/// and this many in that time are a trouble: one comes with the supply, and one with whoever sets the module up.
+const RESETS_MANY: u32 = 3;
 /// A module that does not answer is asked again after this time.
 const SILENT_AGAIN: Duration = Duration::from_secs(1);
 /// A module that is not as it is to be is asked again after this time.
@@ -78,8 +82,9 @@ pub struct XbeeModem {
     /// Of the last beacon that was sent.
     last_id: u8,
     statuses_missing: u8,
-    /// When it said last that it has started.
-    reset_at: Option<Time>,
+    /// Beacons since the last one of which it was said what became of it.
+    unconfirmed: u32,
+    resets: Resets,
     opened: u64,
     counts: RadioHealth,
     /// Packets that were heard and held no beacon.
@@ -113,6 +118,28 @@ struct InFlight {
     until: Time,
 }
 
+/// How often the module was reset of late.
+#[derive(Clone, Copy, Debug, Default)]
+struct Resets {
+    /// The first that is counted.
+    since: Time,
+    count: u32,
+}
+
+impl Resets {
+    /// Notes one more; returns how many there were in the time for which they are counted.
+    fn note(&mut self, now: Time) -> u32 {
+        if now.since(self.since) > RESETS_COUNTED {
+            *self = Resets {
+                since: now,
+                count: 0,
+            };
+        }
+        self.count += 1;
+        self.count
+    }
+}
+
 /// Numbers that were given back and have not come again.
 #[derive(Clone, Copy, Debug)]
 struct GivenBack {
@@ -136,7 +163,8 @@ impl XbeeModem {
             given_back: None,
             last_id: 0,
             statuses_missing: 0,
-            reset_at: None,
+            unconfirmed: 0,
+            resets: Resets::default(),
             opened: 0,
             counts: RadioHealth::default(),
             foreign: 0,
@@ -280,9 +308,9 @@ impl XbeeModem {
             Incoming::Answer(answer) => self.hear_answer(now, &answer, out),
             Incoming::Status { id, status } => self.hear_status(now, id, status, out),
             Incoming::Reset => {
-                let again = |at: Time| now.since(at) <= RECENT;
-                if self.reset_at.replace(now).is_some_and(again) {
-                    self.troubles.note(now, ModemTrouble::StartsAgain);
+                let times = self.resets.note(now);
+                if times >= RESETS_MANY {
+                    self.troubles.note(now, ModemTrouble::Resets { times });
                 }
                 self.drop_beacons(out);
                 self.read_registers(now, None, out);
@@ -327,7 +355,7 @@ impl XbeeModem {
         let Some(beacon) = self.in_flight.take_if(|beacon| beacon.id == id) else {
             return;
         };
-        self.statuses_missing = 0;
+        (self.statuses_missing, self.unconfirmed) = (0, 0);
         match status {
             0 => self.counts.sent += 1,
             BUSY => self.counts.busy += 1,
@@ -339,11 +367,16 @@ impl XbeeModem {
 
     fn status_is_missing(&mut self, now: Time, out: &mut Vec<ModemOut>) {
         self.statuses_missing += 1;
+        self.unconfirmed += 1;
+        if self.unconfirmed >= u32::from(STATUSES_MISSING) {
+            let beacons = self.unconfirmed;
+            self.troubles
+                .note(now, ModemTrouble::Unconfirmed { beacons });
+        }
         if self.statuses_missing < STATUSES_MISSING {
             let beacon = self.in_flight.take();
             return self.send_next(now, beacon.map(|beacon| beacon.number), out);
         }
-        self.troubles.note(now, ModemTrouble::ConfirmsNothing);
         self.drop_beacons(out);
         self.read_registers(now, None, out);
     }

@@ -37,8 +37,8 @@ pub const NP: AtName = AtName(*b"NP");
 /// Which frames say what was heard: 2 = with the strength; not known to an S1, which always says it.
 pub const AO: AtName = AtName(*b"AO");
 
-/// How packets are framed on the air: 0 and 3 = with the maker's header, without which modules do not understand each other. Not
-/// known to old firmware.
+/// MAC mode: with or without the maker's two bytes before each payload. Modules of two kinds do not understand each other; not
+/// known to old firmware, which always has them.
 pub const MM: AtName = AtName(*b"MM");
 
 /// Baud rate, as the index of one of [`crate::config::XBEE_BAUDS`].
@@ -329,7 +329,7 @@ mod tests {
     fn registers(changed: &[(AtName, Option<u32>)]) -> Registers {
         let mut registers = Registers::default();
         let good = [
-            0x2, 0x2014, 0x4142, 0x13A200, 7, 2, 0x1A2B, 15, 4, 8, 114, 2,
+            0x2, 0x2014, 0x4142, 0x13A200, 7, 2, 0x1A2B, 15, 4, 8, 114, 2, 0,
         ];
         for (name, value) in READ.into_iter().zip(good) {
             registers.note(name, Some(value));
@@ -349,6 +349,8 @@ mod tests {
     fn a_module_that_differs_is_told_with_what_it_has_what_is_wanted_and_what_helps() {
         check(&[], "");
         let sets = ": `tomoswarm xbee setup` sets it";
+        check(&[(MM, Some(2))], &format!("MM is 2, wanted 0{sets}"));
+        check(&[(MM, None)], "");
         check(&[(MY, Some(0x12))], &format!("MY is 12, wanted 2{sets}"));
         check(
             &[
@@ -356,10 +358,9 @@ mod tests {
                 (ID, Some(0x3332)),
                 (CH, Some(12)),
                 (AO, Some(0)),
-                (MM, Some(1)),
             ],
             &format!(
-                "AP is 1, wanted 2; ID is 3332, wanted 1A2B; CH is C, wanted F; AO is 0, wanted 2; MM is 1, wanted 0{sets}"
+                "AP is 1, wanted 2; ID is 3332, wanted 1A2B; CH is C, wanted F; AO is 0, wanted 2{sets}"
             ),
         );
         check(

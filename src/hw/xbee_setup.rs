@@ -18,8 +18,8 @@ use std::time::Duration;
 use self::search::{Search, SearchEnd};
 use super::xbee_frame::{ApiMode, AtName, Decoder};
 use super::xbee_registers::{
-    AO, AP, Answer, BD, CH, ID, MY, Mismatches, ModuleSettings, PL, PP, ReadState, RegisterReads,
-    Registers, command,
+    AO, AP, Answer, BD, CH, ID, MM, MY, Mismatches, ModuleSettings, PL, PP, ReadState,
+    RegisterReads, Registers, command,
 };
 use crate::config::XBEE_BAUDS;
 use crate::time::Time;
@@ -33,7 +33,7 @@ const WR: AtName = AtName(*b"WR");
 /// The module does not know the command.
 const UNKNOWN: u8 = 2;
 /// The modules that do not know these need not be told.
-const OPTIONAL: [AtName; 2] = [AO, AtName(*b"A1")];
+const OPTIONAL: [AtName; 3] = [AO, AtName(*b"A1"), MM];
 
 /// What a module is to be set up as.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -438,9 +438,10 @@ fn values(settings: &ModuleSettings) -> VecDeque<(AtName, Vec<u8>)> {
         (ID, settings.network.to_be_bytes().to_vec()),
         (CH, vec![settings.channel]),
         (AO, vec![2]),
+        (MM, vec![0]),
         (AtName(*b"NI"), name.into_bytes()),
     ]);
-    let off = [b"CE", b"A1", b"SM", b"EE", b"RR", b"RN", b"MM"];
+    let off = [b"CE", b"A1", b"SM", b"EE", b"RR", b"RN"];
     values.extend(off.map(|name| (AtName(*name), vec![0])));
     values
 }

@@ -20,9 +20,7 @@ use super::drivers::radio::xbee_tool;
 use super::drivers::range::{Range, record_edges};
 use super::drivers::servo::{Servo, ServoPlace, WantedPulse};
 use super::state_dir;
-use crate::config::{
-    AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, ServoDriver, ServoOutput, VehicleFile,
-};
+use crate::config::{AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, VehicleFile};
 use crate::hw::edge_recording::{EdgeRecording, in_words};
 use crate::hw::xbee_registers::{Mismatches, ModuleSettings};
 use crate::node::Event;
@@ -59,16 +57,14 @@ impl DeviceCheck {
     /// Looks at all devices of a vehicle, one after the other; `found` is told of each.
     ///
     /// # Errors
-    /// No thread can be started, a recording cannot be written, or the vehicle runs: its devices are not for two.
+    /// The vehicle is running: its devices are its own. No thread can be started, or a recording cannot be written.
     pub fn run(&self, file: &VehicleFile, found: &mut dyn FnMut(DeviceFound)) -> io::Result<()> {
-        if state_dir::is_in_use(Path::new(&file.state_dir)) {
-            let why = format!(
-                "vehicle {} runs, and its devices are its own: stop it first (its folder {} is in use)",
-                file.id, file.state_dir
-            );
-            return Err(io::Error::new(io::ErrorKind::ResourceBusy, why));
-        }
         let mut say = |device: String, answer| found(DeviceFound { device, answer });
+        match state_dir::is_in_use(Path::new(&file.state_dir)) {
+            Ok(false) => {}
+            Ok(true) => return Err(io::Error::other(running(&file.state_dir))),
+            Err(error) => say("vehicle".to_owned(), Ok(unknown(&file.state_dir, &error))),
+        }
         for (index, lines) in ultrasonic(file) {
             if let Some(folder) = &self.record_edges {
                 let recording = record_edges(lines);
@@ -101,40 +97,44 @@ impl DeviceCheck {
         file: &VehicleFile,
         autopilot: &Autopilot,
     ) -> io::Result<Result<String, String>> {
-        let servo = match &file.drivers.servo {
-            pin if !self.moves && is_at_a_pin(pin) => {
-                let why = "not opened, since that would end its pulses (--move)";
-                return Ok(Ok(why.to_owned()));
-            }
-            driver => Servo::start_still(driver, &file.look)?,
-        };
-        match servo.place() {
+        match ServoPlace::of(&file.drivers.servo) {
             ServoPlace::Nowhere => return Ok(Ok("none".to_owned())),
             ServoPlace::World => return Ok(Ok(SIMULATED.to_owned())),
             ServoPlace::Autopilot if !self.moves => {
                 return Ok(Ok("not asked, since that would move it (--move)".to_owned()));
             }
-            ServoPlace::Autopilot => {}
-            ServoPlace::Machine => {
-                let is_open = until(|| servo.trouble().is_none());
-                if let (false, Some(trouble)) = (is_open, servo.trouble()) {
-                    return Ok(Err(trouble));
-                }
+            // Opening it would stop its pulses, and let the sensor swing.
+            ServoPlace::Machine if !self.moves => {
+                let could = Servo::could_be_opened(&file.drivers.servo);
+                return Ok(
+                    could.map(|()| "it could be opened, and was left as it is (--move)".to_owned())
+                );
             }
+            ServoPlace::Autopilot | ServoPlace::Machine => {}
         }
-        if !self.moves {
-            return Ok(Ok("open, and not moved (--move)".to_owned()));
+        let servo = Servo::start_still(&file.drivers.servo, &file.look)?;
+        let is_open = until(|| servo.trouble().is_none());
+        if let (false, Some(trouble)) = (is_open, servo.trouble()) {
+            return Ok(Err(trouble));
         }
         Ok(swing(file, &servo, autopilot))
     }
 }
 
-const SIMULATED: &str = "simulated, not looked at";
-
-/// Returns whether a servo is at a pin, which has no pulses from when it is opened until it is given one.
-fn is_at_a_pin(servo: &ServoDriver) -> bool {
-    matches!(servo, ServoDriver::Real(servo) if matches!(servo.output, ServoOutput::Gpio { .. }))
+fn running(state_dir: &str) -> String {
+    format!(
+        "{state_dir} is in use: the vehicle is running, and its devices are its own; stop it first (systemctl stop \
+         tomoswarm-vehicle)"
+    )
 }
+
+fn unknown(state_dir: &str, error: &io::Error) -> String {
+    format!(
+        "whether it is running is not known ({state_dir}: {error}); its own user can see that (runuser -u tomoswarm)"
+    )
+}
+
+const SIMULATED: &str = "simulated, not looked at";
 
 /// Returns the ultrasonic sensors, with their numbers.
 fn ultrasonic(file: &VehicleFile) -> impl Iterator<Item = (usize, &HcSr04Lines)> {

@@ -107,10 +107,20 @@ impl FolderPlace {
     }
 }
 
-/// Returns whether another process has a folder; one that is not there is nobody's.
-pub fn is_in_use(folder: &Path) -> bool {
-    let lock = File::open(folder.join("lock"));
-    lock.is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockShared).is_err())
+/// Returns whether a process has a node's folder; touches nothing.
+///
+/// # Errors
+/// Its lock is there and cannot be looked at.
+pub fn is_in_use(path: &Path) -> io::Result<bool> {
+    let lock = match File::open(path.join("lock")) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        lock => lock?,
+    };
+    match flock(&lock, FlockOperation::NonBlockingLockShared) {
+        Ok(()) => Ok(false),
+        Err(rustix::io::Errno::WOULDBLOCK) => Ok(true),
+        Err(error) => Err(error.into()),
+    }
 }
 
 impl StateDir {
@@ -376,7 +386,9 @@ mod tests {
         let path = folder.path().join("rover/3");
         let first = StateDir::open(&path).unwrap().boot();
         for count in 1..=3 {
+            assert!(!is_in_use(&path).unwrap());
             let state = StateDir::open(&path).unwrap();
+            assert!(is_in_use(&path).unwrap());
             assert_eq!(state.boot(), Boot(first.0 + count));
             assert!(matches!(
                 StateDir::open(&path),

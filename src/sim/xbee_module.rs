@@ -193,7 +193,9 @@ impl XbeeModule {
         let is_speaking = self.sending.as_ref().is_some_and(Sending::is_on_air);
         let is_on_its_air = packet.channel == self.channel() && packet.network == self.network();
         let is_meant = packet.to.includes(self.registers.address(), self.serial);
-        if self.power != Power::On || is_speaking || !is_on_its_air || !is_meant {
+        let is_understood = packet.has_header == self.registers.has_header();
+        let is_heard = is_on_its_air && is_meant && is_understood;
+        if self.power != Power::On || is_speaking || !is_heard {
             return;
         }
         self.packets += 1;
@@ -340,6 +342,7 @@ impl XbeeModule {
             network: self.network(),
             channel: self.channel(),
             power_dbm: self.registers.power_dbm(),
+            has_header: self.registers.has_header(),
             content,
         };
         if packet.content.length() > self.registers.payload_most() {

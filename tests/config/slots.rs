@@ -104,8 +104,8 @@ world.token = \"0123456789abcdef\"
 "
         )
     };
-    // 1.15 times two lines of 109 bytes and 12.576 ms on the air, and 2 ms more.
-    for (baud, needed_ms) in [(57_600, 60.0), (115_200, 38.2), (230_400, 27.3)] {
+    // 1.15 times two lines of 109 bytes, of 11 and of 10 bits each, and 12.576 ms on the air, and 2 ms more.
+    for (baud, needed_ms) in [(57_600, 62.2), (115_200, 39.3), (230_400, 27.9)] {
         let text = vehicle(&format!("radio.xbee.baud = {baud}\n"));
         for (slot_ms, is_right) in [(needed_ms - 0.2, false), (needed_ms + 0.2, true)] {
             let said = problems_of("configs/v.toml", &text, &format!("slot_ms = {slot_ms}\n"));
@@ -114,7 +114,7 @@ world.token = \"0123456789abcdef\"
     }
     let slow = vehicle("radio.xbee.baud = 57600\n");
     let wrong = "configs/v.toml:10: radio.xbee.baud = 57600: a slot of 50 ms is too short: at this baud rate beacons are heard \
-                 up to 50.4 ms after they are sent; slot_ms of at least 60 is needed in configs/courtyard.venue.toml, table \
+                 up to 52.3 ms after they are sent; slot_ms of at least 63 is needed in configs/courtyard.venue.toml, table \
                  [swarm], or a higher baud rate";
     assert_eq!(problems_of("configs/v.toml", &slow, ""), wrong);
     let said = problems_of("configs/v.toml", &vehicle(""), "slot_ms = 38\n");

@@ -123,6 +123,7 @@ fn packet(payload: &[u8]) -> Packet {
         network: 0x1A2B,
         channel: 15,
         power_dbm: 8,
+        has_header: true,
         content: Content::Payload(payload.to_vec()),
     }
 }
@@ -280,6 +281,10 @@ fn what_is_heard_is_said_as_the_registers_want_it() {
         },
         Packet {
             to: Recipient::Address(9),
+            ..packet(payload)
+        },
+        Packet {
+            has_header: false,
             ..packet(payload)
         },
     ];

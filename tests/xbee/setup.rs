@@ -5,7 +5,7 @@ use std::time::Duration;
 use tomoswarm::config::XBEE_BAUDS;
 use tomoswarm::hw::xbee_frame::{ApiMode, AtName};
 use tomoswarm::hw::xbee_modem::XbeeModem;
-use tomoswarm::hw::xbee_registers::{AO, AP, BD, ModuleKind, ModuleSettings, Registers};
+use tomoswarm::hw::xbee_registers::{AO, AP, BD, MM, ModuleKind, ModuleSettings, Registers};
 use tomoswarm::hw::xbee_setup::{SetupError, SetupOut, SetupSettings, XbeeSetup};
 use tomoswarm::sim::noise::Noise;
 use tomoswarm::sim::xbee_module::{ModuleOut, XbeeModule};
@@ -112,6 +112,19 @@ fn hears_when_switched_off_and_on(mut module: XbeeModule) {
     }
     let modem = &field.links[0].modem;
     assert!(modem.is_ready(), "{:?}", modem.troubles(field.now));
+}
+
+#[test]
+fn a_second_hand_module_of_another_mac_mode_is_told_and_set_right() {
+    for kind in [ModuleKind::S2c, ModuleKind::Xbee3] {
+        let mut module = new_module(kind);
+        assert!(module.set_register(MM, &[2]));
+        set_up(&mut module, settings(wanted(7), 115_200))
+            .result
+            .unwrap();
+        assert_eq!(module.register(MM), Some(vec![0]), "{kind:?}");
+        hears_when_switched_off_and_on(module);
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub const SETTINGS: ModuleSettings = ModuleSettings {
 };
 
 /// The values of an XBee 3 that is as wanted, in the order of [`READ`].
-const GOOD: [&[u8]; READ.len()] = [
+const GOOD: [&[u8]; 13] = [
     &[2],
     &[0x20, 0x14],
     &[0x42, 0x42],

@@ -71,6 +71,7 @@ fn any_packet(chance: &mut Chance) -> Packet {
         network: chance.one_of(&[0x3332, 0x1A2B]),
         channel: chance.one_of(&[12, 15]),
         power_dbm: 0,
+        has_header: chance.one_of(&[true, false]),
         content,
     }
 }

@@ -9,7 +9,7 @@ use super::super::xbee_registers::Mismatches;
 use crate::time::Time;
 
 /// Something on the air is told for this long after it was last seen.
-pub(super) const RECENT: Duration = Duration::from_secs(10);
+const RECENT: Duration = Duration::from_secs(10);
 
 /// What is wrong.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -51,14 +51,22 @@ pub enum ModemTrouble {
         "the module says what it hears without the strength: AO=2 is needed, `tomoswarm xbee setup` sets it"
     )]
     WithoutRssi,
-    /// It does not confirm what it is to send.
+    /// It answers questions, and not what it does.
     #[error(
-        "the module does not say what became of its beacons: bytes are lost on the way to it; another baud rate or cable may help"
+        "the module does not say what became of {beacons} beacons, so none of them counts as sent"
     )]
-    ConfirmsNothing,
-    /// It starts again and again.
-    #[error("the module starts anew again and again: its supply may be too weak")]
-    StartsAgain,
+    Unconfirmed {
+        /// How many, one after the other.
+        beacons: u32,
+    },
+    /// It begins anew again and again.
+    #[error(
+        "the module was reset {times} times within a minute: its supply or its contacts are too weak"
+    )]
+    Resets {
+        /// How often.
+        times: u32,
+    },
     /// A beacon was too long for a packet.
     #[error("a beacon of {length} bytes was not sent: a packet carries {most} (NP)")]
     TooLong {

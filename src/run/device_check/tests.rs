@@ -95,9 +95,13 @@ fn every_device_is_asked_and_nothing_moves_unless_it_is_to() {
     assert!(heartbeat.contains("a heartbeat"), "{all:?}");
     assert_eq!(answer(&all, "range sensor 1 (tf-luna on "), Ok("2.00 m"));
     let servo = answer(&all, "servo (pwm on channel 0 of ").unwrap();
-    assert!(servo.starts_with("open, and not moved"), "{servo}");
+    assert!(
+        servo.starts_with("it could be opened, and was left"),
+        "{servo}"
+    );
     assert_eq!(answer(&all, "radio"), Ok(SIMULATED));
-    assert_eq!(duty(), "", "nothing has moved");
+    let period = fs::read_to_string(chip.join("pwm0/period")).unwrap();
+    assert_eq!([duty(), period], ["", ""], "nothing is written");
     let check = DeviceCheck {
         moves: true,
         record_edges: None,
@@ -180,4 +184,22 @@ fn a_recording_is_never_written_over() {
     assert!(error.to_string().contains("recorded-2.txt: "), "{error}");
     let kept = fs::read_to_string(path.join("recorded-2.txt")).unwrap();
     assert_eq!(kept, "# recorded from A and B\nair 20.0\n");
+}
+
+#[test]
+fn the_devices_of_a_vehicle_that_is_running_are_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut file = vehicle(
+        "autopilot.driver = \"sim\"\nradio.driver = \"sim\"\nservo.driver = \"none\"\nrange.driver = \"sim\"\n",
+    );
+    file.state_dir = folder.path().display().to_string();
+    let running = state_dir::StateDir::open(folder.path()).unwrap();
+    let looked = |file| DeviceCheck::default().run(file, &mut |found| panic!("{found:?}"));
+    let why = looked(&file).unwrap_err().to_string();
+    assert!(why.contains("the vehicle is running"), "{why}");
+    drop(running);
+    assert_eq!(
+        answer(&found(&DeviceCheck::default(), &file), "radio"),
+        Ok(SIMULATED)
+    );
 }

@@ -7,12 +7,34 @@ use std::time::Duration;
 use rustix::fs::{FlockOperation, Mode, OFlags};
 use serial2::{SerialPort, StopBits};
 
+/// How bytes go over a line.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct LineFormat {
+    baud: u32,
+    stop_bits: StopBits,
+}
+
+impl LineFormat {
+    /// Of devices that say what they mean: one stop bit behind every byte.
+    pub(super) fn of_device(baud: u32) -> LineFormat {
+        let stop_bits = StopBits::One;
+        LineFormat { baud, stop_bits }
+    }
+
+    /// Of an XBee: two stop bits. An S1 at 115,200 baud runs at 111,111, and loses bytes of a packet that come without a pause;
+    /// what a module says has one stop bit, and is read alike.
+    pub(super) fn of_xbee(baud: u32) -> LineFormat {
+        let stop_bits = StopBits::Two;
+        LineFormat { baud, stop_bits }
+    }
+}
+
 /// Opens a port for this process alone. It is locked before anything is set: another program's port stays as it is. Who reads it
 /// waits so long for bytes.
 ///
 /// # Errors
 /// It is not there, is no port, or is in use.
-pub(super) fn open(port: &str, baud: u32, waits: Duration) -> io::Result<SerialPort> {
+pub(super) fn open(port: &str, format: LineFormat, waits: Duration) -> io::Result<SerialPort> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let file = rustix::fs::open(Path::new(port), flags, Mode::empty())?;
     rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive)?;
@@ -21,23 +43,22 @@ pub(super) fn open(port: &str, baud: u32, waits: Duration) -> io::Result<SerialP
     }
     rustix::termios::ioctl_tiocexcl(&file)?;
     let mut port = SerialPort::from(file);
-    set_baud(&mut port, baud)?;
+    set_format(&mut port, format)?;
     port.set_read_timeout(waits)?;
     port.set_write_timeout(waits)?;
     port.discard_input_buffer()?;
     Ok(port)
 }
 
-/// Sets the speed of a port, and two stop bits: every receiver takes bytes that come a little later, and an XBee of the first
-/// series, whose clock is 3.6 % slow at 115,200 baud, loses those that follow each other at once.
+/// Sets how bytes go over a port.
 ///
 /// # Errors
 /// It has gone.
-pub(super) fn set_baud(port: &mut SerialPort, baud: u32) -> io::Result<()> {
+pub(super) fn set_format(port: &mut SerialPort, format: LineFormat) -> io::Result<()> {
     let mut settings = port.get_configuration()?;
     settings.set_raw();
-    settings.set_stop_bits(StopBits::Two);
-    settings.set_baud_rate(baud)?;
+    settings.set_baud_rate(format.baud)?;
+    settings.set_stop_bits(format.stop_bits);
     port.set_configuration(&settings)
 }
 
@@ -62,5 +83,29 @@ pub(super) fn in_words(error: &io::Error) -> String {
             "it has gone".to_owned()
         }
         _ => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    use super::*;
+
+    #[test]
+    fn an_xbee_gets_two_stop_bits_at_whatever_baud_rate_and_other_devices_one() {
+        let line = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&line).unwrap();
+        unlockpt(&line).unwrap();
+        let path = ptsname(&line, Vec::new()).unwrap();
+        let port = |format| open(path.to_str().unwrap(), format, Duration::from_millis(1)).unwrap();
+        let stops = |port: &SerialPort| port.get_configuration().unwrap().get_stop_bits().unwrap();
+        let mut module = port(LineFormat::of_xbee(115_200));
+        assert_eq!(stops(&module), StopBits::Two);
+        set_format(&mut module, LineFormat::of_xbee(9_600)).unwrap();
+        assert_eq!(stops(&module), StopBits::Two);
+        drop(module);
+        let device = port(LineFormat::of_device(115_200));
+        assert_eq!(stops(&device), StopBits::One, "whoever had the port before");
     }
 }

@@ -116,7 +116,33 @@ fn whole_us(scale: &ServoScale) -> [u16; 2] {
     ends(&scale.pulse_us)
 }
 
+impl ServoPlace {
+    /// Returns where the servo of a driver is.
+    pub fn of(driver: &ServoDriver) -> ServoPlace {
+        match driver {
+            ServoDriver::Simulated => ServoPlace::World,
+            ServoDriver::Real(servo) => match servo.output {
+                ServoOutput::Autopilot { .. } => ServoPlace::Autopilot,
+                ServoOutput::Pwm { .. } | ServoOutput::Gpio { .. } => ServoPlace::Machine,
+            },
+            ServoDriver::None => ServoPlace::Nowhere,
+        }
+    }
+}
+
 impl Servo {
+    /// Looks whether the output at this machine that a driver names could be opened, without opening it: pulses that it gives
+    /// now go on, and nothing moves.
+    ///
+    /// # Errors
+    /// In words, why it could not.
+    pub fn could_be_opened(driver: &ServoDriver) -> Result<(), String> {
+        match driver {
+            ServoDriver::Simulated | ServoDriver::None => Ok(()),
+            ServoDriver::Real(servo) => output_could_be_opened(servo),
+        }
+    }
+
     /// Starts what gives pulses.
     ///
     /// # Errors
@@ -220,6 +246,17 @@ fn device(
     let output = Output::of(&servo.output).ok_or(io::ErrorKind::Unsupported)?;
     let output = OutputServo::start(output, first(&pulses))?;
     Ok(Device::Output(pulses, output))
+}
+
+#[cfg(feature = "hw")]
+fn output_could_be_opened(servo: &RealServo) -> Result<(), String> {
+    Output::of(&servo.output).map_or(Ok(()), |output| output.could_be_opened())
+}
+
+/// Its name was refused when the file was read.
+#[cfg(not(feature = "hw"))]
+fn output_could_be_opened(_: &RealServo) -> Result<(), String> {
+    Err("it is not built in".to_owned())
 }
 
 /// Its name was refused when the file was read.

@@ -6,7 +6,8 @@ use std::io::{self, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{CWD, FlockOperation, RenameFlags, renameat_with, statfs};
+use rustix::fs::{CWD, FlockOperation, Mode, OFlags, RenameFlags, renameat_with, statfs};
+use rustix::io::Errno;
 
 /// The largest file of certificates, bytes.
 const LIMIT_BYTES: u64 = 4 << 20;
@@ -14,6 +15,11 @@ const LIMIT_BYTES: u64 = 4 << 20;
 const NODE_FOLDER_MODE: u32 = 0o750;
 /// Kinds of file systems that keep no modes, as `statfs` numbers them: FAT and exFAT, those of sticks and boot partitions.
 const WITHOUT_MODES: [u64; 2] = [0x4d44, 0x2011_bab0];
+/// Kinds that keep modes only where they were set up for that, and show every file as open to all otherwise: NTFS by both
+/// drivers of the kernel, and what a program serves (FUSE), as NTFS and exFAT mostly are.
+const SELDOM_WITH_MODES: [u64; 3] = [0x7366_746e, 0x5346_544e, 0x6573_5546];
+/// Of a file that is open to all.
+const OPEN_TO_ALL: u32 = 0o777;
 
 /// To whom a node's files belong.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -69,14 +75,32 @@ pub fn read_limited(path: &Path) -> io::Result<String> {
 /// # Errors
 /// It cannot be read, or is larger.
 pub fn read_limited_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    limited(File::open(path)?)
+}
+
+fn limited(file: File) -> io::Result<Vec<u8>> {
     let mut content = Vec::new();
-    File::open(path)?
-        .take(LIMIT_BYTES + 1)
-        .read_to_end(&mut content)?;
+    file.take(LIMIT_BYTES + 1).read_to_end(&mut content)?;
     if content.len() as u64 > LIMIT_BYTES {
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, "over 4 MiB"));
     }
     Ok(content)
+}
+
+/// Returns the content of a regular file of at most 4 MiB; what a link leads to, a device or a pipe is none.
+///
+/// # Errors
+/// It cannot be read, is no regular file, or is larger.
+pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let opened = match rustix::fs::open(path, flags, Mode::empty()) {
+        Err(Errno::LOOP) => return Err(io::Error::other("it is a link; a file is expected")),
+        opened => File::from(opened?),
+    };
+    match opened.metadata()?.is_file() {
+        true => limited(opened),
+        false => Err(io::Error::other("it is no regular file; one is expected")),
+    }
 }
 
 /// Writes a folder with files that is there with all of them or not at all. An empty folder of its name is replaced.
@@ -121,6 +145,32 @@ pub fn replace_folder(
         })
     })?;
     Ok(former)
+}
+
+/// Returns whether a node's folder and its files belong to whom they are to, with modes by which the node can read them, and
+/// nobody else what is private. Without an owner it does not matter whose they are.
+///
+/// # Errors
+/// One of them cannot be looked at.
+pub fn is_as_replaced(folder: &Path, files: &[NewFile], owner: Option<Owner>) -> io::Result<bool> {
+    let is_owned = |found: &fs::Metadata| {
+        owner.is_none_or(|Owner { user, group }| (found.uid(), found.gid()) == (user, group))
+    };
+    let found = fs::metadata(folder)?;
+    if !is_owned(&found) || found.mode() & 0o777 != NODE_FOLDER_MODE {
+        return Ok(false);
+    }
+    for file in files {
+        let found = fs::metadata(folder.join(&file.name))?;
+        let is_right = match file.is_private {
+            true => found.mode() & 0o777 == 0o600,
+            false => found.mode() & 0o422 == 0o400,
+        };
+        if !is_owned(&found) || !is_right {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Gives a file or folder to its owner; without one it stays the caller's.
@@ -229,7 +279,14 @@ pub(super) fn is_open_to_others(path: &Path) -> io::Result<bool> {
 /// Returns whether the modes of a file say anything: on a stick they are the same for all files, and whoever has it has them.
 pub(super) fn has_modes(path: &Path) -> io::Result<bool> {
     let kind = statfs(path)?.f_type;
-    Ok(u64::try_from(kind).is_ok_and(|kind| !WITHOUT_MODES.contains(&kind)))
+    let mode = fs::metadata(path)?.mode();
+    Ok(u64::try_from(kind).is_ok_and(|kind| keeps_modes(kind, mode)))
+}
+
+/// Returns whether a file system of a kind that shows a file with this mode keeps modes.
+fn keeps_modes(kind: u64, mode: u32) -> bool {
+    let shows_none = SELDOM_WITH_MODES.contains(&kind) && mode & OPEN_TO_ALL == OPEN_TO_ALL;
+    !WITHOUT_MODES.contains(&kind) && !shows_none
 }
 
 fn write_file(path: &Path, file: &NewFile) -> io::Result<()> {
@@ -258,4 +315,78 @@ fn sync_parent(path: &Path) -> io::Result<()> {
         .filter(|parent| *parent != Path::new(""))
         .unwrap_or(Path::new("."));
     File::open(parent)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stick_keeps_no_modes_and_ntfs_none_where_all_is_open() {
+        for (kind, mode, expected) in [
+            (0xEF53, 0o100_777, true),
+            (0x4d44, 0o100_600, false),
+            (0x2011_bab0, 0o100_755, false),
+            (0x7366_746e, 0o100_777, false),
+            (0x7366_746e, 0o100_600, true),
+            (0x6573_5546, 0o100_777, false),
+            (0x6573_5546, 0o100_644, true),
+        ] {
+            assert_eq!(keeps_modes(kind, mode), expected, "{kind:x} {mode:o}");
+        }
+    }
+
+    #[test]
+    fn a_regular_file_alone_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("file"), "here").unwrap();
+        assert_eq!(read_regular(&path("file")).unwrap(), b"here");
+        std::os::unix::fs::symlink(path("file"), path("link")).unwrap();
+        fs::create_dir(path("folder")).unwrap();
+        for (name, part) in [
+            ("link", "it is a link"),
+            ("folder", "no regular file"),
+            ("gone", "No such file"),
+        ] {
+            let why = read_regular(&path(name)).unwrap_err().to_string();
+            assert!(why.contains(part), "{name}: {why}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_its_service_cannot_read_is_not_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let node = folder.path().join("node");
+        let files = [
+            NewFile::open("ca.pem", "c"),
+            NewFile::private("key.pem", "k"),
+        ];
+        replace_folder(&node, &files, None).unwrap();
+        let owner = |path: &Path| {
+            let found = fs::metadata(path).unwrap();
+            let (user, group) = (found.uid(), found.gid());
+            Owner { user, group }
+        };
+        let mine = owner(&node);
+        let other = Owner {
+            user: mine.user + 1,
+            ..mine
+        };
+        let is_right = |owner| is_as_replaced(&node, &files, owner).unwrap();
+        assert!(is_right(None) && is_right(Some(mine)));
+        assert!(!is_right(Some(other)), "it is another user's");
+        let modes = [
+            ("key.pem", 0o640, 0o600),
+            ("ca.pem", 0o200, 0o644),
+            ("", 0o700, 0o750),
+        ];
+        for (name, wrong, right) in modes {
+            let set = |mode| fs::set_permissions(node.join(name), Permissions::from_mode(mode));
+            set(wrong).unwrap();
+            assert!(!is_right(None), "{name}");
+            set(right).unwrap();
+            assert!(is_right(None), "{name}");
+        }
+    }
 }

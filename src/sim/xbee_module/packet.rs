@@ -25,6 +25,8 @@ pub struct Packet {
     pub channel: u8,
     /// Transmit power, dBm.
     pub power_dbm: i8,
+    /// Whether the maker's two bytes come before the payload (register MM): modules of the other kind do not understand it.
+    pub has_header: bool,
     /// What it says.
     pub content: Content,
 }

@@ -213,6 +213,11 @@ impl ModuleRegisters {
         !self.knows(AO) || self.number(AO) == 2
     }
 
+    /// Returns whether the maker's two bytes come before each payload.
+    pub(super) fn has_header(&self) -> bool {
+        matches!(self.number(MM), 0 | 3)
+    }
+
     fn knows(&self, name: AtName) -> bool {
         let is_first_series = matches!(self.kind, ModuleKind::S1 | ModuleKind::S1Pro);
         name != AO || !is_first_series

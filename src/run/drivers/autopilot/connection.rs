@@ -138,7 +138,7 @@ type Reader = Box<dyn FnMut(&mut [u8]) -> io::Result<usize> + Send>;
 
 #[cfg(feature = "hw")]
 fn serial(port: &str, baud: u32) -> io::Result<(Way, Reader)> {
-    let mut opened = serial_port::open(port, baud, READ_FOR)
+    let mut opened = serial_port::open(port, serial_port::LineFormat::of_device(baud), READ_FOR)
         .map_err(|error| io::Error::new(error.kind(), serial_port::in_words(&error)))?;
     opened.set_write_timeout(CONNECT_WITHIN)?;
     let reader = opened.try_clone()?;

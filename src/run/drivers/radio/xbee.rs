@@ -22,7 +22,7 @@ use crate::hw::xbee_registers::ModuleSettings;
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::drivers::reopening::Reopening;
-use crate::run::drivers::serial_port::{in_words, open};
+use crate::run::drivers::serial_port::{LineFormat, in_words, open};
 use crate::run::mailbox::lock;
 use crate::store::lost_thread;
 use crate::time::Time;
@@ -248,7 +248,8 @@ impl OpenPort {
         port: &XbeePort,
         told: impl Fn(Result<Vec<u8>, io::Error>) + Send + 'static,
     ) -> io::Result<OpenPort> {
-        let port = Arc::new(open(&port.port, port.baud, READ_FOR)?);
+        let format = LineFormat::of_xbee(port.baud);
+        let port = Arc::new(open(&port.port, format, READ_FOR)?);
         let is_closed = Arc::<Mutex<bool>>::default();
         let (read, is_over) = (port.clone(), is_closed.clone());
         let reader = std::thread::Builder::new()

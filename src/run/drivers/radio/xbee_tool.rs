@@ -10,7 +10,7 @@ use crate::hw::xbee_frame::{ApiMode, Decoder};
 use crate::hw::xbee_registers::{Answer, ReadState, RegisterReads, Registers};
 use crate::hw::xbee_setup::{SetupError, SetupOut, SetupSettings, XbeeSetup};
 use crate::run::clock::Clock;
-use crate::run::drivers::serial_port::{in_words, open, set_baud};
+use crate::run::drivers::serial_port::{LineFormat, in_words, open, set_format};
 use crate::time::Time;
 
 /// Bytes are waited for so long.
@@ -61,7 +61,7 @@ pub fn set_up(
         port: port.to_owned(),
         why: in_words(&error),
     };
-    let mut line = open(port, settings.baud, READ_FOR).map_err(broken)?;
+    let mut line = open(port, LineFormat::of_xbee(settings.baud), READ_FOR).map_err(broken)?;
     let clock = Clock::start();
     let mut out = Vec::new();
     let mut setup = XbeeSetup::begin(clock.now(), settings, &mut out);
@@ -71,7 +71,7 @@ pub fn set_up(
                 SetupOut::Baud(baud) => {
                     // What was said at the rate before is on its way.
                     line.flush().map_err(broken)?;
-                    set_baud(&mut line, baud).map_err(broken)?;
+                    set_format(&mut line, LineFormat::of_xbee(baud)).map_err(broken)?;
                     line.discard_buffers().map_err(broken)?;
                 }
                 SetupOut::Write(bytes) => line.write_all(&bytes).map_err(broken)?,
@@ -100,7 +100,7 @@ pub fn registers(port: &str, baud: u32) -> Result<Registers, XbeeToolError> {
         port: port.to_owned(),
         why: in_words(&error),
     };
-    let line = open(port, baud, READ_FOR).map_err(broken)?;
+    let line = open(port, LineFormat::of_xbee(baud), READ_FOR).map_err(broken)?;
     let clock = Clock::start();
     let (mut bytes, mut state) = (Vec::new(), ReadState::Asked);
     let mut decoder = Decoder::new(ApiMode::Escaped);

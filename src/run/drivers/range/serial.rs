@@ -13,7 +13,7 @@ use crate::hw::{DroppedReadings, RangeDecoder};
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::drivers::device_thread::{DeviceThread, Gone, Shared};
-use crate::run::drivers::serial_port::{in_words, open};
+use crate::run::drivers::serial_port::{LineFormat, in_words, open};
 use crate::run::mailbox::lock;
 use crate::time::Time;
 
@@ -81,7 +81,7 @@ impl Work {
     fn read(&mut self, shared: &Shared<DroppedReadings>, has_read: &mut bool) -> io::Result<()> {
         let mut queue_empty_at = self.clock.now();
         let baud = u32::try_from(self.sensor.baud).unwrap_or(u32::MAX);
-        let port = open(&self.sensor.port, baud, LOOKS_EVERY)?;
+        let port = open(&self.sensor.port, LineFormat::of_device(baud), LOOKS_EVERY)?;
         shared.opened();
         self.decoder.restart();
         let mut bytes = [0; 512];

@@ -61,6 +61,18 @@ impl Output {
         }
     }
 
+    /// Looks whether the output could be opened, and opens it not: what it gives now goes on.
+    ///
+    /// # Errors
+    /// In words, why it could not.
+    pub(super) fn could_be_opened(&self) -> Result<(), String> {
+        match self {
+            Output::Sysfs(chip, _) => chip.could_be_opened(),
+            Output::Pin(name) => RppalPwm::could_be_opened(name),
+        }
+        .map_err(|why| format!("{}: {why}", self.name()))
+    }
+
     /// Opens the output and gives pulses until the end, or until it is gone.
     fn session(&mut self, shared: &Shared<Pulse>) -> Result<(), String> {
         match self {

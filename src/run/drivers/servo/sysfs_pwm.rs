@@ -1,5 +1,5 @@
-//! A channel of a PWM chip of the kernel, by the files below the chip's folder: export, period, pulse, enable, in this order. It
-//! knows nothing of angles, and gives no pulse that it is not told.
+//! A channel of a PWM chip of the kernel, by the files below the chip's folder: export, period, polarity where it is the wrong
+//! one, pulse, enable, in this order. It knows nothing of angles, and gives no pulse that it is not told.
 
 use std::fs::OpenOptions;
 use std::io::{self, Write};
@@ -13,6 +13,9 @@ const WRITABLE_WITHIN: Duration = Duration::from_secs(2);
 /// And this often it is tried.
 const TRIED_EVERY: Duration = Duration::from_millis(20);
 
+/// Of a folder without the file by which channels are asked for.
+const NO_CHIP: &str = "it is no PWM chip; a folder such as /sys/class/pwm/pwmchip0 is needed, which has a file `export`";
+
 /// A channel of a chip.
 pub(super) struct Chip {
     /// The folder of the chip.
@@ -22,13 +25,45 @@ pub(super) struct Chip {
 }
 
 impl Chip {
+    fn channel_folder(&self) -> PathBuf {
+        self.folder.join(format!("pwm{}", self.channel))
+    }
+
+    /// Looks whether the channel could be opened, and writes nothing: what it gives now goes on.
+    ///
+    /// # Errors
+    /// In words: there is no such channel, or which file may not be written.
+    pub(super) fn could_be_opened(&self) -> Result<(), String> {
+        let channel = self.channel_folder();
+        if channel.is_dir() {
+            let files = ["period", "duty_cycle", "enable"];
+            return files
+                .iter()
+                .try_for_each(|file| may_be_written(&channel.join(file)).map_err(String::from));
+        }
+        may_be_written(&self.folder.join("export")).map_err(|failed| {
+            match failed.error.kind() {
+                io::ErrorKind::NotFound => NO_CHIP.to_owned(),
+                _ => failed.into(),
+            }
+        })?;
+        match self.last_channel().is_some_and(|last| self.channel > last) {
+            true => Err(self.without_channel()),
+            false => Ok(()),
+        }
+    }
+
+    /// Returns the highest number of a channel that it has, if it says so.
+    fn last_channel(&self) -> Option<usize> {
+        let count = std::fs::read_to_string(self.folder.join("npwm")).ok()?;
+        count.trim().parse::<usize>().ok()?.checked_sub(1)
+    }
+
     /// Returns in words that it has no such channel, and which it has.
     fn without_channel(&self) -> String {
-        let count = std::fs::read_to_string(self.folder.join("npwm"));
-        let last = count
-            .ok()
-            .and_then(|count| count.trim().parse::<usize>().ok()?.checked_sub(1));
-        let has = last.map(|last| format!("; it has 0 to {last}"));
+        let has = self
+            .last_channel()
+            .map(|last| format!("; it has 0 to {last}"));
         format!(
             "it has no channel {}{}",
             self.channel,
@@ -63,6 +98,15 @@ impl Files {
     }
 }
 
+/// Opens a file of the kernel, which changes nothing before something is written.
+fn may_be_written(file: &Path) -> Result<(), Failed> {
+    let opened = OpenOptions::new().write(true).open(file);
+    opened.map(drop).map_err(|error| Failed {
+        file: file.to_owned(),
+        error,
+    })
+}
+
 /// A file that cannot be written.
 struct Failed {
     file: PathBuf,
@@ -94,7 +138,7 @@ impl SysfsPwm {
         files: &Files,
         pause: impl Fn(Duration) -> bool,
     ) -> Result<SysfsPwm, String> {
-        let folder = chip.folder.join(format!("pwm{}", chip.channel));
+        let folder = chip.channel_folder();
         if !folder.exists() {
             let exported = files.write(&chip.folder.join("export"), &chip.channel.to_string());
             match exported {
@@ -104,10 +148,7 @@ impl SysfsPwm {
                     return Err(chip.without_channel());
                 }
                 Err(failed) if failed.error.kind() == io::ErrorKind::NotFound => {
-                    return Err(
-                        "it is no PWM chip; a folder such as /sys/class/pwm/pwmchip0 is needed, which has a file `export`"
-                            .to_owned(),
-                    );
+                    return Err(NO_CHIP.to_owned());
                 }
                 other => other?,
             }
@@ -124,7 +165,23 @@ impl SysfsPwm {
             }
             waited += TRIED_EVERY;
         }
+        pwm.set_polarity(files)?;
         Ok(pwm)
+    }
+
+    /// Sets that a pulse is high, where somebody has left it the other way round. Some chips take that only while they give
+    /// none.
+    fn set_polarity(&self, files: &Files) -> Result<(), Failed> {
+        let file = self.folder.join("polarity");
+        let is_inverted =
+            std::fs::read_to_string(&file).is_ok_and(|polarity| polarity.trim() == "inversed");
+        if !is_inverted {
+            return Ok(());
+        }
+        files.write(&file, "normal").or_else(|_| {
+            files.write(&self.folder.join("enable"), "0")?;
+            files.write(&file, "normal")
+        })
     }
 
     /// Sets the time from one pulse to the next; a longer pulse than that was left by somebody goes first.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use super::sysfs_pwm::{Chip, Files};
+use super::sysfs_pwm::{Chip, Files, SysfsPwm};
 use super::*;
 use crate::config::{SensorMount, ServoOutput, ServoScale};
 
@@ -207,6 +207,62 @@ fn what_somebody_has_left_in_a_channel_is_undone() {
         "enable 1",
     ];
     assert_eq!(pwm.recorder.written(), expected);
+}
+
+#[test]
+fn a_polarity_that_somebody_has_left_is_undone_while_no_pulse_is_given() {
+    let left = |polarity: &str, refused| {
+        let folder = tempfile::tempdir().unwrap();
+        let channel = folder.path().join("pwm1");
+        std::fs::create_dir(&channel).unwrap();
+        for (file, text) in [
+            ("period", "0"),
+            ("duty_cycle", "0"),
+            ("enable", "1"),
+            ("polarity", polarity),
+        ] {
+            std::fs::write(channel.join(file), text).unwrap();
+        }
+        let recorder = Recorder::default();
+        recorder.0.lock().unwrap().refused.extend(refused);
+        let chip = Chip {
+            folder: folder.path().to_owned(),
+            channel: 1,
+        };
+        SysfsPwm::open(&chip, &Files::Recorded(recorder.clone()), |_| true).unwrap();
+        recorder.written()
+    };
+    assert_eq!(left("normal\n", None), ["period 20000000"]);
+    let expected = ["period 20000000", "polarity normal"];
+    assert_eq!(left("inversed\n", None), expected);
+    let expected = ["period 20000000", "enable 0", "polarity normal"];
+    let busy = Some(("polarity", io::ErrorKind::ResourceBusy));
+    assert_eq!(left("inversed\n", busy), expected);
+}
+
+#[test]
+fn whether_a_channel_could_be_opened_is_seen_without_a_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let could = |channel| {
+        let driver = ServoDriver::Real(real(folder.path(), channel));
+        Servo::could_be_opened(&driver)
+    };
+    let why = could(0).unwrap_err();
+    assert!(why.contains(": it is no PWM chip; "), "{why}");
+    std::fs::write(folder.path().join("export"), "").unwrap();
+    std::fs::write(folder.path().join("npwm"), "2\n").unwrap();
+    assert_eq!(could(1), Ok(()));
+    let why = could(2).unwrap_err();
+    assert!(why.ends_with("it has no channel 2; it has 0 to 1"), "{why}");
+    std::fs::create_dir(folder.path().join("pwm0")).unwrap();
+    let why = could(0).unwrap_err();
+    assert!(why.contains("pwm0/period: "), "{why}");
+    for file in ["period", "duty_cycle", "enable"] {
+        std::fs::write(folder.path().join("pwm0").join(file), "7").unwrap();
+    }
+    assert_eq!(could(0), Ok(()));
+    let left = std::fs::read_to_string(folder.path().join("pwm0/enable"));
+    assert_eq!(left.unwrap(), "7");
 }
 
 #[test]

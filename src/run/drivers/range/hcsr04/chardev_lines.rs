@@ -1,9 +1,12 @@
 //! Lines of an HC-SR04 by the GPIO character devices of the kernel, on any board. Chips are renumbered from kernel to kernel, so lines
 //! are found by name, and a name that two lines have is refused.
+//!
+//! The echo line is pulled down: one whose wire is broken would hear the hum of the mains, and be read as an obstacle's distance.
 
 use std::time::Duration;
 
 use gpiocdev::line::{Bias, EdgeDetection, EdgeKind, Offset, Value};
+use gpiocdev::request::Builder;
 use gpiocdev::{FoundLine, Request};
 
 use crate::config::HcSr04Lines;
@@ -78,21 +81,27 @@ fn in_words(line: &FoundLine, error: &gpiocdev::Error) -> String {
     }
 }
 
-/// Takes the echo line. A wire that is broken must be low, since one that hums gives pulses as of an echo; a chip that cannot
-/// pull a line down leaves that to a resistor.
-fn watched(echo: &FoundLine) -> Result<Request, String> {
-    let take = |bias: Option<Bias>| {
-        let mut request = Request::builder();
-        request
-            .with_consumer(CONSUMER)
-            .with_found_line(echo)
-            .as_input()
-            .with_bias(bias)
-            .with_edge_detection(EdgeDetection::BothEdges)
-            .request()
-    };
-    let taken = take(Some(Bias::PullDown)).or_else(|_| take(None));
-    taken.map_err(|error| in_words(echo, &error))
+/// Takes an echo line by `request`, pulled down; as it is where its chip refuses that, which is said in the log.
+fn take_echo<T>(
+    line: &FoundLine,
+    request: impl Fn(&mut Builder) -> gpiocdev::Result<T>,
+) -> gpiocdev::Result<T> {
+    let mut builder = Request::builder();
+    builder
+        .with_consumer(CONSUMER)
+        .with_found_line(line)
+        .as_input()
+        .with_edge_detection(EdgeDetection::BothEdges)
+        .with_bias(Bias::PullDown);
+    request(&mut builder).or_else(|refused| {
+        let taken = request(builder.with_bias(None))?;
+        tracing::warn!(
+            "{}: its chip does not pull it down ({refused}): a broken wire may be read as distances; a resistor of \
+             10 kΩ from this line to ground is needed",
+            line.info.name
+        );
+        Ok(taken)
+    })
 }
 
 impl ChardevLines {
@@ -114,7 +123,7 @@ impl ChardevLines {
             power: power
                 .map(|power| OutputLine::take(power, Value::Active))
                 .transpose()?,
-            echo: watched(echo)?,
+            echo: take_echo(echo, Builder::request).map_err(|error| in_words(echo, &error))?,
         })
     }
 
@@ -170,6 +179,22 @@ mod tests {
                 ..Info::default()
             },
         }
+    }
+
+    #[test]
+    fn an_echo_line_is_pulled_down_where_its_chip_can_do_that() {
+        let line = line("/dev/gpiochip0", 24, "GPIO24");
+        let bias = |builder: &mut Builder| builder.config().line_config(24).unwrap().bias;
+        let taken = take_echo(&line, |builder| Ok(bias(builder)));
+        assert_eq!(taken.unwrap(), Some(Bias::PullDown));
+        let refused = || gpiocdev::Error::InvalidArgument("no bias".to_owned());
+        let taken = take_echo(&line, |builder| match bias(builder) {
+            Some(_) => Err(refused()),
+            None => Ok("as it is"),
+        });
+        assert_eq!(taken.unwrap(), "as it is");
+        let taken = take_echo::<()>(&line, |_| Err(refused()));
+        assert!(taken.is_err(), "it is refused anyhow");
     }
 
     #[test]

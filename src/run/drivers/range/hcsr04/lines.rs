@@ -1,5 +1,6 @@
-//! The lines of an HC-SR04, by whatever they are reached: on a Raspberry Pi by rppal, on any other board by the character devices of
-//! the kernel. Both find lines by name, and hand on the kernel's stamps and numbers of edges.
+//! The lines of an HC-SR04, by whatever they are reached: on a Raspberry Pi by rppal, on any other board, and on a Pi whose
+//! kernel has no registers for rppal or numbers its chips in another way, by the character devices of the kernel. Both find
+//! lines by name, and hand on the kernel's stamps and numbers of edges.
 
 use std::time::Duration;
 
@@ -43,13 +44,29 @@ impl Wiring {
     /// In words: a line is not there, its name is that of several, or it is in use.
     pub(super) fn open(&self) -> Result<EchoLines, String> {
         match self {
-            // Kernels of which rppal finds no chip have the lines all the same.
-            Wiring::Machine(lines) if rppal_lines::are_reachable() => {
-                RppalLines::open(lines).map(EchoLines::Rppal)
-            }
+            Wiring::Machine(lines) if rppal_lines::is_raspberry_pi() => by_registers_or_name(
+                rppal_lines::registers(),
+                |gpio| RppalLines::take(&gpio, lines).map(EchoLines::Rppal),
+                || ChardevLines::open(lines).map(EchoLines::Chardev),
+            ),
             Wiring::Machine(lines) => ChardevLines::open(lines).map(EchoLines::Chardev),
             #[cfg(test)]
             Wiring::Recorded(recorder) => recorder.open().map(EchoLines::Recorded),
+        }
+    }
+}
+
+/// Takes lines by the registers of a Raspberry Pi, by their names alone where those cannot be opened: rppal looks for chips
+/// that are numbered from 0, and kernels of a Pi 5 have begun at 11.
+fn by_registers_or_name<R, L>(
+    registers: Result<R, String>,
+    by_registers: impl FnOnce(R) -> Result<L, String>,
+    by_name: impl FnOnce() -> Result<L, String>,
+) -> Result<L, String> {
+    match registers {
+        Ok(registers) => by_registers(registers),
+        Err(closed) => {
+            by_name().map_err(|why| format!("{why}; by the registers of the Pi: {closed}"))
         }
     }
 }
@@ -111,5 +128,28 @@ impl EchoLines {
             #[cfg(test)]
             EchoLines::Recorded(recorder) => Ok(recorder.next_edge(within)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_a_pi_are_taken_by_name_where_its_registers_or_its_first_chip_are_not_there() {
+        let missing = || Err::<(), _>("no /dev/gpiochip0".to_owned());
+        let never = || panic!("another way is there");
+        let taken = by_registers_or_name(Ok(()), |()| Ok("by registers"), never);
+        assert_eq!(taken, Ok("by registers"));
+        let taken = by_registers_or_name(missing(), |()| never(), || Ok("by name"));
+        assert_eq!(taken, Ok("by name"));
+        let refused = || Err("GPIO24: no GPIO line has this name".to_owned());
+        let taken: Result<&str, String> = by_registers_or_name(missing(), |()| never(), refused);
+        let both =
+            "GPIO24: no GPIO line has this name; by the registers of the Pi: no /dev/gpiochip0";
+        assert_eq!(taken, Err(both.to_owned()));
+        // A line that is in use is not asked for in another way.
+        let busy = by_registers_or_name(Ok(()), |()| Err("in use".to_owned()), never);
+        assert_eq!(busy, Err("in use".to_owned()));
     }
 }

@@ -11,8 +11,10 @@ use crate::hw::edge_recording::{EdgeRecording, QUIET, RecordedPing};
 
 /// So many times the sensor is triggered.
 const PINGS: usize = 20;
-/// Edges of one ping; a sensor gives two.
-const EDGES_MAX: usize = 200;
+/// A line that does not become quiet, since it hums, is not listened to for longer than this,
+const LISTENS: Duration = Duration::from_secs(1);
+/// nor for more edges.
+const MOST_EDGES: usize = 200;
 
 /// Records some pings of a sensor.
 ///
@@ -32,7 +34,8 @@ pub(super) fn record_on(wiring: &Wiring, named: &HcSr04Lines) -> Result<EdgeReco
     })
 }
 
-/// Triggers the sensor, unless its line is high, and takes edges until the line is quiet.
+/// Triggers the sensor, unless its line is high, and takes edges until the line is quiet, or until it is clear that it never
+/// is.
 fn ping(lines: &mut EchoLines) -> Result<RecordedPing, String> {
     let mut recorded = RecordedPing {
         unasked: Vec::new(),
@@ -40,22 +43,24 @@ fn ping(lines: &mut EchoLines) -> Result<RecordedPing, String> {
         is_high: false,
         edges: Vec::new(),
     };
-    take_edges(lines, Duration::ZERO, &mut recorded.unasked)?;
+    recorded.unasked = edges(lines, Duration::ZERO)?;
     recorded.is_high = lines.is_high()?;
     recorded.at = kernel_now();
     if !recorded.is_high {
         lines.trigger()?;
     }
-    take_edges(lines, QUIET, &mut recorded.edges)?;
+    recorded.edges = edges(lines, QUIET)?;
     Ok(recorded)
 }
 
-/// Takes edges until the line is quiet. One that hums never is; a part of it tells as much.
-fn take_edges(lines: &mut EchoLines, quiet: Duration, edges: &mut Vec<Edge>) -> Result<(), String> {
-    while edges.len() < EDGES_MAX
+/// Takes edges until none comes for so long.
+fn edges(lines: &mut EchoLines, quiet: Duration) -> Result<Vec<Edge>, String> {
+    let (began, mut edges) = (kernel_now(), Vec::new());
+    while edges.len() < MOST_EDGES
+        && kernel_now().since(began) < LISTENS
         && let Some(edge) = lines.next_edge(quiet)?
     {
         edges.push(edge);
     }
-    Ok(())
+    Ok(edges)
 }

@@ -1,5 +1,7 @@
 //! Lines of an HC-SR04 on a Raspberry Pi, by rppal: outputs by its registers, edges with the kernel's stamps. A line is named as the
 //! kernel names it, `GPIO` and its number (of the chip, not of the header).
+//!
+//! The echo line is pulled down: one whose wire is broken would hear the hum of the mains, and be read as an obstacle's distance.
 
 use std::time::Duration;
 
@@ -10,9 +12,9 @@ use crate::config::HcSr04Lines;
 use crate::hw::echo_edges::Edge;
 use crate::time::Time;
 
-/// Returns whether this machine is a Raspberry Pi whose chip is found: rppal looks for those with the lowest numbers alone.
-pub(super) fn are_reachable() -> bool {
-    DeviceInfo::new().is_ok() && Gpio::new().is_ok()
+/// Returns whether this machine is a Raspberry Pi.
+pub(super) fn is_raspberry_pi() -> bool {
+    DeviceInfo::new().is_ok()
 }
 
 /// Lines that are taken.
@@ -22,13 +24,20 @@ pub(super) struct RppalLines {
     echo: InputPin,
 }
 
+/// Opens the registers and the first GPIO chip of a Raspberry Pi.
+///
+/// # Errors
+/// In words: one of them is not there, or may not be opened.
+pub(super) fn registers() -> Result<Gpio, String> {
+    Gpio::new().map_err(|error| error.to_string())
+}
+
 impl RppalLines {
     /// Takes the lines.
     ///
     /// # Errors
     /// In words: a line is not there, or in use.
-    pub(super) fn open(lines: &HcSr04Lines) -> Result<RppalLines, String> {
-        let gpio = Gpio::new().map_err(|error| error.to_string())?;
+    pub(super) fn take(gpio: &Gpio, lines: &HcSr04Lines) -> Result<RppalLines, String> {
         let pin = |name: &str| -> Result<Pin, String> {
             let number = name
                 .strip_prefix("GPIO")
@@ -38,7 +47,6 @@ impl RppalLines {
             })?;
             gpio.get(number).map_err(|error| format!("{name}: {error}"))
         };
-        // A wire that is broken must be low: one that hums gives pulses as of an echo.
         let mut echo = pin(&lines.echo)?.into_input_pulldown();
         let watched = echo.set_interrupt(Trigger::Both, None);
         watched.map_err(|error| format!("{}: {error}", lines.echo))?;

@@ -22,6 +22,8 @@ enum Plays {
     Stuck,
     /// A spike.
     Spike,
+    /// One edge after the other, without end.
+    Hum,
 }
 
 /// The lines of a sensor that a test plays.
@@ -86,7 +88,7 @@ impl Recorder {
                     edge(rise, true);
                     edge(rise + width, false);
                 }
-                Plays::Silence => {}
+                Plays::Silence | Plays::Hum => {}
                 Plays::Stuck => {
                     edge(rise, true);
                     played.is_high = true;
@@ -119,6 +121,16 @@ impl Recorder {
 
     pub(super) fn next_edge(&self, within: Duration) -> Option<Edge> {
         let until = kernel_now() + within;
+        if within > Duration::ZERO && self.with(|played| played.plays == Plays::Hum) {
+            return Some(self.with(|played| {
+                (played.number, played.is_high) = (played.number + 1, !played.is_high);
+                Edge {
+                    at: kernel_now(),
+                    is_rising: played.is_high,
+                    number: played.number,
+                }
+            }));
+        }
         loop {
             let now = kernel_now();
             let is_due = |edge: &Edge| edge.at <= now;
@@ -332,6 +344,10 @@ fn a_recording_says_what_the_line_did_and_what_it_was_taken_for() {
             "it only looks"
         );
     }
+    let humming = Wiring::Recorded(Recorder::new(Plays::Hum));
+    let recorded = recording::record_on(&humming, &lines).unwrap();
+    let counts: Vec<usize> = recorded.pings.iter().map(|ping| ping.edges.len()).collect();
+    assert_eq!(counts, [200; 20], "it ends");
     let gone = Recorder::new(Plays::Silence);
     gone.with(|played| played.refused = Some("no line is named GPIO23".to_owned()));
     let refused = recording::record_on(&Wiring::Recorded(gone), &lines);
