@@ -79,7 +79,7 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
     let (_, said, code) = command(&folder, devices);
     assert_eq!(code, Some(2), "{said}");
     assert!(
-        said.contains("vehicle-2.toml: radio: ") && said.contains("another program uses it"),
+        said.contains("vehicle-2.toml: ") && said.contains("the vehicle is running"),
         "{said}"
     );
     swarm.kill("vehicle-2");
