@@ -41,6 +41,7 @@ mod frame;
 #[cfg(feature = "net")]
 pub mod ground;
 pub mod image;
+mod image_checks;
 mod image_settings;
 mod image_text;
 mod image_values;

@@ -6,22 +6,20 @@
 use std::collections::BTreeMap;
 
 use super::csv::numbered;
-use super::recording::{RecordingError, wrong};
+use super::recording::{FARTHEST_M, RecordingError, STRENGTH_DBM, wrong};
 use crate::geom::Point;
 use crate::tomo::Link;
 
 /// The header of a file of places.
 pub(super) const NODES_HEADER: &str = "id,x_m,y_m";
-/// Farthest coordinate that is believed, metres.
-const FARTHEST_M: f64 = 1e5;
 /// Nodes nearer to each other than this stand at one place, metres.
 const APART_M: f64 = 1e-3;
 /// Most nodes of a network.
 const MOST_NODES: usize = 1000;
-/// Weakest and strongest signal that are believed, dBm.
-const STRENGTH_DBM: (f64, f64) = (-200.0, 40.0);
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
+/// Lines may be out of order by so much, seconds; what goes back farther was measured by a clock that was set.
+const MOST_BACK_S: f64 = 2.0;
 
 /// The places of the nodes: node n of a recording is at index n.
 #[derive(Clone, PartialEq, Debug)]
@@ -92,11 +90,15 @@ impl NodePlaces {
         let mut rounds = Vec::new();
         for (line, text) in numbered(text) {
             let (receiver, rssi_dbm, second_of_day) = self.round(line, text)?;
+            let at_s = clock.count(second_of_day).map_err(|back_s| {
+                let found = format!("a time {back_s:.1} s before that of a line above");
+                let expected = format!(
+                    "times that go on, or back by {MOST_BACK_S} s at most: a clock was set"
+                );
+                wrong(format!("{line}: "), found, expected)
+            })?;
             rounds.push(Round {
-                at_s: clock.count(second_of_day).map_err(|back_s| {
-                    let found = format!("a clock that was set back by {back_s:.0} s");
-                    wrong(format!("{line}: "), found, "rounds in the order of time")
-                })?,
+                at_s,
                 receiver,
                 rssi_dbm,
             });
@@ -181,7 +183,8 @@ impl NodePlaces {
             let is_believed = |dbm: &f64| (STRENGTH_DBM.0..=STRENGTH_DBM.1).contains(dbm);
             let value = value.filter(is_believed).ok_or_else(|| {
                 let found = format!("{field} for node {transmitter}");
-                wrong(at(), found, "a strength from -200 to 40 dBm")
+                let (low, high) = STRENGTH_DBM;
+                wrong(at(), found, format!("a strength from {low} to {high} dBm"))
             })?;
             Ok(Some(value))
         };
@@ -210,17 +213,15 @@ struct Clock {
     first: Option<f64>,
     last: f64,
     days: f64,
-    newest_s: f64,
+    /// The latest of all, since the first.
+    latest_s: f64,
 }
-
-/// Lines of receivers may come out of order by this much, seconds.
-const OUT_OF_ORDER_S: f64 = 5.0;
 
 impl Clock {
     /// Returns the seconds since the first call.
     ///
     /// # Errors
-    /// By how many seconds the clock was set back: what comes then has no time of its own.
+    /// By how much it is before the latest one, if that is too much.
     fn count(&mut self, second_of_day: f64) -> Result<f64, f64> {
         let first = *self.first.get_or_insert(second_of_day);
         // Half a day back is a day on, and half a day on a line from before midnight.
@@ -230,13 +231,13 @@ impl Clock {
             self.days -= 1.0;
         }
         self.last = second_of_day;
-        let since_s = second_of_day + self.days * DAY_S - first;
-        let back_s = self.newest_s - since_s;
-        self.newest_s = self.newest_s.max(since_s);
-        match back_s > OUT_OF_ORDER_S {
-            true => Err(back_s),
-            false => Ok(since_s.max(0.0)),
+        let since_first_s = second_of_day + self.days * DAY_S - first;
+        let back_s = self.latest_s - since_first_s;
+        if back_s > MOST_BACK_S {
+            return Err(back_s);
         }
+        self.latest_s = self.latest_s.max(since_first_s);
+        Ok(since_first_s.max(0.0))
     }
 }
 
@@ -263,7 +264,13 @@ fn place(line: usize, text: &str) -> Result<(usize, Point), RecordingError> {
             .parse::<f64>()
             .ok()
             .filter(|value| value.abs() <= FARTHEST_M);
-        value.ok_or_else(|| wrong(at(), field, "metres, up to 100,000"))
+        value.ok_or_else(|| {
+            wrong(
+                at(),
+                field,
+                format!("metres from -{FARTHEST_M} to {FARTHEST_M}"),
+            )
+        })
     };
     let id = id.parse::<usize>().ok().filter(|id| *id < MOST_NODES);
     let id = id.ok_or_else(|| wrong(at(), fields[0], "a node from 0 to 999"))?;
@@ -381,21 +388,31 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_back_is_refused_with_its_line() {
-        let text = "0, -45, -50, -60, 11, 29, 58\n0, -45, -50, -60, 10, 29, 59\n";
-        let said = nodes().read_rounds(text).unwrap_err().to_string();
-        assert!(
-            said.starts_with("2: ") && said.contains("set back by 3599 s"),
-            "{said}"
-        );
-    }
-
-    #[test]
     fn lines_out_of_order_around_midnight_count_no_day_twice() {
         let times = [(23, 59, 59), (0, 0, 0), (23, 59, 59), (0, 0, 1)];
         let line = |(h, m, s): (u32, u32, u32)| format!("0, -45, -50, -60, {h}, {m}, {s}\n");
         let text: String = times.into_iter().map(line).collect();
         let rounds = nodes().read_rounds(&text).unwrap();
         assert!(rounds.iter().all(|round| round.at_s < 3.0), "{rounds:?}");
+    }
+
+    #[test]
+    fn a_clock_that_was_set_back_is_refused_with_its_line() {
+        let read = |times: &[(u32, u32, u32)]| {
+            let line = |(h, m, s): &(u32, u32, u32)| format!("0, -45, -50, -60, {h}, {m}, {s}\n");
+            nodes().read_rounds(&times.iter().map(line).collect::<String>())
+        };
+        let on = read(&[(11, 0, 0), (11, 0, 9), (11, 0, 7), (11, 0, 10)]).unwrap();
+        let times: Vec<f64> = on.iter().map(|round| round.at_s).collect();
+        assert_eq!(times, [0.0, 9.0, 7.0, 10.0]);
+        let said = read(&[(11, 0, 0), (11, 20, 0), (11, 20, 1), (11, 19, 58)]);
+        let said = said.unwrap_err().to_string();
+        assert!(
+            said.starts_with("4: found a time 3.0 s before") && said.contains("a clock was set"),
+            "{said}"
+        );
+        // A step back before the first line crushed all that followed into its moment.
+        assert!(read(&[(11, 0, 0), (10, 0, 0), (10, 0, 1)]).is_err());
+        assert!(read(&[(23, 59, 59), (0, 0, 1), (23, 59, 50)]).is_err());
     }
 }

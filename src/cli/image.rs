@@ -7,11 +7,8 @@ use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
 use crate::geom::{Point, Rect};
-use crate::tomo::{
-    DropReason, Extras, Imager, ImagingSettings, Link, Reconstruction, Solver, TomoError,
-};
+use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
 use clap::Args;
-use tomoswarm_proto::RunId;
 
 use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
@@ -32,10 +29,11 @@ use super::volume;
 
 /// Reconstructs an image from recorded links.
 ///
-/// Reads CSV files (header tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm; packets may be missing), links.csv files
-/// written by tomoswarm, and JSON recordings of the 2016 two-rover system. Several files are pooled. With --empty
-/// the image shows what changed since the empty sweep, and persons are searched in that; without it, all that stands
-/// in the area.
+/// Reads CSV files (header tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm; packets may be missing), links.csv and
+/// samples.csv files written by tomoswarm, runs of a ground station's store (swarm.db:N, in the build that has stores),
+/// with --nodes recordings of a fixed network, and JSON recordings of the 2016 two-rover system. Several files are
+/// pooled. With --empty the image shows what changed since the empty sweep, and persons are searched in that; without
+/// it, all that stands in the area.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct ImageCommand {
@@ -237,13 +235,14 @@ impl ImageCommand {
         if let Some(network) = &network {
             settings.pairing_m = settings.pairing_m.min(network.bin_m());
         }
+        self.check_area(settings.grid.area)?;
         if let Some(warning) = warning_of_part(self.area, settings.ring) {
             complain(&warning);
         }
         let count = now.links.len();
         let empty_recording = (!self.empty.is_empty()).then_some(empty);
         let (now, empty, offsets) = now.pooled_for(empty_recording.as_ref(), settings.pairing_m);
-        self.check_links(&now)?;
+        self.check_links(now.len())?;
         let empty = empty.as_deref();
         let extras = Extras {
             persons: true,
@@ -257,7 +256,9 @@ impl ImageCommand {
                 path: self.files[0].clone(),
                 problem,
             })?;
-        self.check_partners(&result)?;
+        if network.is_none() {
+            self.check_partners(result.used, &result.dropped)?;
+        }
         let tracks = network
             .filter(|_| self.track.is_some())
             .map(|network| network.track(settings.grid.area));
@@ -289,19 +290,15 @@ impl ImageCommand {
             progress: progress.as_deref(),
             earth: earth.as_ref(),
         };
-        let outputs = Outputs::open(self)?;
-        let mut text = summary(&result, (count, now.len()), unit);
+        let files = Outputs::open(self)?.filled(&made)?;
+        let mut text = summary(&result, (count, now.len()), unit, &settings);
         text.extend(offsets.map(|offsets| offsets_in_words(&offsets)));
         let named = Named::of(result.finds.as_ref(), &result.peaks);
         text.extend(stood.iter().map(|at| named.words(*at, unit.word()) + "\n"));
         text.extend(tracks.as_ref().map(Tracks::words));
-        // What cannot be said leaves no files behind.
-        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write {
-            path: "standard output".into(),
-            source,
-        })?;
-        outputs.write(&made)
+        // A command that ends with an error leaves no file.
+        print(out, &text)?;
+        Ok(files.finish()?)
     }
 
     /// Returns the pixel whose links are asked for.
@@ -358,109 +355,6 @@ impl ImageCommand {
         .collect()
     }
 
-    /// Checks that a venue can say where something is.
-    fn check_venue(&self, unit: LengthUnit, is_given: bool) -> Result<(), CliError> {
-        match (unit, is_given) {
-            (LengthUnit::Cell, true) => Err(CliError::Usage(
-                "--venue: the cells of this recording have no place on the earth".to_owned(),
-            )),
-            (LengthUnit::Cell | LengthUnit::Metre, _) => Ok(()),
-        }
-    }
-
-    /// Checks that an empty sweep was measured where the sweep was, on a channel of it.
-    fn check_alike(&self, now: &Recording, empty: &Recording) -> Result<(), CliError> {
-        let Some(path) = self.empty.first() else {
-            return Ok(());
-        };
-        let refused = |reason: String| CliError::Input {
-            path: path.clone(),
-            reason,
-        };
-        let (of_now, of_empty) = (bounds(now.links.iter()), bounds(empty.links.iter()));
-        let is_apart =
-            |one: Rect, other: Rect| one.max.x_m < other.min.x_m || one.max.y_m < other.min.y_m;
-        if is_apart(of_now, of_empty) || is_apart(of_empty, of_now) {
-            let words = |area: Rect| {
-                let Rect { min, max } = area;
-                format!(
-                    "({:.1}, {:.1}) to ({:.1}, {:.1})",
-                    min.x_m, min.y_m, max.x_m, max.y_m
-                )
-            };
-            return Err(refused(format!(
-                "found links from {}, expected an empty sweep of the same place: the sweep lies from {}",
-                words(of_empty),
-                words(of_now)
-            )));
-        }
-        let (is, was) = (&now.channels, &empty.channels);
-        if !is.is_empty() && !was.is_empty() && is.is_disjoint(was) {
-            let words = |channels: &BTreeSet<u8>| {
-                let numbers: Vec<String> = channels.iter().map(u8::to_string).collect();
-                numbers.join(", ")
-            };
-            return Err(refused(format!(
-                "found channel {}, expected an empty sweep on channel {} as the sweep",
-                words(was),
-                words(is)
-            )));
-        }
-        Ok(())
-    }
-
-    /// Checks that the empty sweep holds most of the links: one of a place beside this holds a few, and shows nobody.
-    fn check_partners(&self, result: &Reconstruction) -> Result<(), CliError> {
-        let dropped = result.dropped.get(&DropReason::NoEmptyPartner);
-        let without = dropped.copied().unwrap_or_default();
-        match self.empty.first() {
-            Some(path) if without > result.used => Err(CliError::Input {
-                path: path.clone(),
-                reason: format!(
-                    "found {} of the {} links of the sweep, expected an empty sweep of the same place, with most of them",
-                    result.used,
-                    result.used + without
-                ),
-            }),
-            Some(_) | None => Ok(()),
-        }
-    }
-
-    /// Checks that marks are of the run that is imaged, as far as both say of which they are.
-    fn check_run(&self, now: &Recording, stood: &TruePlaces) -> Result<(), CliError> {
-        let (Some(path), Some(run)) = (&self.marks, stood.run) else {
-            return Ok(());
-        };
-        if now.runs.is_empty() || now.runs.contains(&run) {
-            return Ok(());
-        }
-        let runs: Vec<String> = now.runs.iter().map(RunId::to_string).collect();
-        let reason = format!(
-            "found marks of run {run}, expected run {} as in {}",
-            runs.join(", "),
-            self.files[0].display()
-        );
-        Err(CliError::Input {
-            path: path.clone(),
-            reason,
-        })
-    }
-
-    /// Checks that there is something to make an image of.
-    fn check_links(&self, links: &[Link]) -> Result<(), CliError> {
-        if links.len() > 1 {
-            return Ok(());
-        }
-        let reason = format!(
-            "found {} link, expected several: one says how much is lost along it, and not where",
-            links.len()
-        );
-        Err(CliError::Input {
-            path: self.files[0].clone(),
-            reason,
-        })
-    }
-
     /// Tries whether all outputs can be written, to files of their own.
     fn check_files(&self) -> Result<(), CliError> {
         let world = self.world_file();
@@ -491,6 +385,18 @@ impl ImageCommand {
             .try_for_each(|output| PendingFile::open(output).map(drop))
             .map_err(CliError::from)
     }
+}
+
+/// Prints a summary.
+///
+/// # Errors
+/// Standard output takes no more.
+pub(super) fn print(out: &mut dyn std::io::Write, text: &str) -> Result<(), CliError> {
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    written.map_err(|source| CliError::Write {
+        path: "standard output".into(),
+        source,
+    })
 }
 
 /// Reads a recording.
@@ -560,6 +466,7 @@ fn read_files(
         imaging,
         pooled_in_m,
         is_without_offsets,
+        is_of_samples: false,
         runs,
         channels,
         heights_m: Vec::new(),
@@ -571,5 +478,13 @@ fn read_files(
 /// Returns the smallest rectangle around all ends.
 pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     let ends = links.flat_map(|link| [link.from, link.to]);
-    Rect::around(ends).unwrap_or(Rect::new(Point::default(), Point::default()))
+    ends.map(|at| Rect::new(at, at))
+        .reduce(|a, b| {
+            let low = Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m));
+            Rect::new(
+                low,
+                Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
+            )
+        })
+        .unwrap_or(Rect::new(Point::default(), Point::default()))
 }

@@ -3,23 +3,26 @@
 use tomoswarm_proto::VehicleId;
 
 use super::recording::LengthUnit;
+use crate::geom::Rect;
 use crate::tomo::{
-    DeviceOffsets, DropReason, DroppedLinks, Find, Finds, PixelShares, Reconstruction, SIGNIFICANT,
+    DeviceOffsets, DropReason, DroppedLinks, Find, FindSettings, Finds, ImagingSettings,
+    PixelShares, Reconstruction, SIGNIFICANT,
 };
 
 /// Links of a pixel that the summary names.
 const SHARES_SHOWN: usize = 5;
 
-/// Returns who was found, in lines; or the best place, which is no find.
-fn finds_in_words(finds: &Finds, unit: &str) -> String {
+/// Returns who was found, in lines; or the best place, which is no find. No deviation is shown that is larger than the `area`,
+/// since a person stands in it.
+fn finds_in_words(finds: &Finds, settings: &FindSettings, area: Rect, unit: &str) -> String {
     let place = |find: &Find| {
         let [xx, _, yy] = find.covariance_m2;
         format!(
             "({:.2} ± {:.2}, {:.2} ± {:.2}) {unit}: {:.1} dB/{unit}, evidence {:.1}",
             find.at.x_m,
-            xx.sqrt(),
+            xx.sqrt().min(area.width_m()),
             find.at.y_m,
-            yy.sqrt(),
+            yy.sqrt().min(area.height_m()),
             find.strength,
             find.evidence
         )
@@ -28,13 +31,20 @@ fn finds_in_words(finds: &Finds, unit: &str) -> String {
     let text: String = found
         .map(|find| format!("found at {}\n", place(find)))
         .collect();
+    if let Some(next) = finds.unlocated(settings) {
+        let who = match finds.found.is_empty() {
+            true => "somebody",
+            false => "somebody else",
+        };
+        return text
+            + &format!(
+                "{who} is there, but the links cannot tell where; the best place is at {}, of {:.1} that are needed\n",
+                place(next),
+                finds.threshold
+            );
+    }
     match &finds.next {
         _ if !finds.found.is_empty() => text,
-        Some(next) if next.evidence >= finds.threshold => format!(
-            "somebody is there, but the links cannot tell where; the best place is at {}, of {:.1} that are needed\n",
-            place(next),
-            finds.threshold
-        ),
         Some(next) => format!(
             "nobody found; the best place is at {}, of {:.1} that are needed, probability {:.3}\n",
             place(next),
@@ -42,6 +52,21 @@ fn finds_in_words(finds: &Finds, unit: &str) -> String {
             next.probability
         ),
         None => "nobody found\n".to_owned(),
+    }
+}
+
+/// Returns why persons were not searched in a change, in a line.
+fn why_not_searched(settings: &FindSettings, area: Rect, unit: &str) -> String {
+    let rim = settings.rim_m.max(settings.person.radius_m);
+    match area.width_m().min(area.height_m()) > 2.0 * rim {
+        true => "persons are not searched: the links tell no place of the area from another\n"
+            .to_owned(),
+        false => format!(
+            "persons are not searched: nobody is sought within {rim:.2} {unit} of the border, which is all of an area of \
+             {:.2} x {:.2} {unit}\n",
+            area.width_m(),
+            area.height_m()
+        ),
     }
 }
 
@@ -83,17 +108,32 @@ pub(super) fn offsets_in_words(offsets: &DeviceOffsets) -> String {
     )
 }
 
-/// Returns how many links were left out, in a line for each reason.
-pub(super) fn dropped_in_words(dropped: &DroppedLinks) -> String {
-    let line =
-        |(reason, count): (&DropReason, &usize)| format!("  {count} dropped: {}\n", reason.words());
+/// Returns how many links were left out, in a line for each reason; `shortest` says under which length a link is too short,
+/// where any is.
+pub(super) fn dropped_in_words(dropped: &DroppedLinks, shortest: &str) -> String {
+    let line = |(reason, count): (&DropReason, &usize)| {
+        let more = match reason {
+            DropReason::TooShort => format!(": under {shortest}"),
+            DropReason::SameSide
+            | DropReason::NeverHeard
+            | DropReason::NoEmptyPartner
+            | DropReason::NoPathLoss
+            | DropReason::OutsideArea => String::new(),
+        };
+        format!("  {count} dropped: {}{more}\n", reason.words())
+    };
     dropped.iter().map(line).collect()
 }
 
 /// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used
 /// and those dropped are as many as the latter.
-pub(super) fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) -> String {
-    let unit = unit.word();
+pub(super) fn summary(
+    result: &Reconstruction,
+    counts: (usize, usize),
+    unit: LengthUnit,
+    settings: &ImagingSettings,
+) -> String {
+    let (unit, area) = (unit.word(), result.image.grid.area);
     let of = match counts {
         (read, pooled) if read == pooled => format!("{read}"),
         (read, pooled) => format!("{read} pooled to {pooled}"),
@@ -102,15 +142,14 @@ pub(super) fn summary(result: &Reconstruction, counts: (usize, usize), unit: Len
         "links: {of}, {} used, residual {:.2} dB\n",
         result.used, result.residual_rms_db
     );
-    text += &dropped_in_words(&result.dropped);
+    let shortest = format!("{:.2} {unit}", settings.shortest_link_m);
+    text += &dropped_in_words(&result.dropped, &shortest);
     if let Some(choice) = &result.choice {
         text += &format!("{}\n", choice.words());
     }
     match &result.finds {
-        Some(finds) => text += &finds_in_words(finds, unit),
-        None if result.by_empty_sweep => {
-            text += "persons are not searched: nothing of the area is far enough from its border, and between links\n";
-        }
+        Some(finds) => text += &finds_in_words(finds, &settings.finds, area, unit),
+        None if result.by_empty_sweep => text += &why_not_searched(&settings.finds, area, unit),
         None => {}
     }
     if let Some(shares) = &result.shares {
@@ -133,4 +172,74 @@ pub(super) fn summary(result: &Reconstruction, counts: (usize, usize), unit: Len
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Point;
+
+    const AREA: Rect = Rect {
+        min: Point::new(0.0, 0.0),
+        max: Point::new(20.0, 10.0),
+    };
+
+    fn words(found: Vec<Find>, next: Find) -> String {
+        let finds = Finds {
+            found,
+            next: Some(next),
+            threshold: 4.9,
+            false_per_image: 0.02,
+        };
+        finds_in_words(&finds, &FindSettings::IN_METRES, AREA, "m")
+    }
+
+    #[test]
+    fn somebody_who_may_stand_anywhere_is_told_from_nobody() {
+        let find = |evidence: f64, sd_m: f64| Find {
+            at: Point::new(3.0, 4.0),
+            strength: 8.0,
+            covariance_m2: [sd_m * sd_m, 0.0, sd_m * sd_m],
+            evidence,
+            probability: 1.0,
+        };
+        let somebody = words(Vec::new(), find(12.8, 70.0));
+        assert_eq!(
+            somebody,
+            "somebody is there, but the links cannot tell where; the best place is at (3.00 ± 20.00, 4.00 ± 10.00) m: \
+             8.0 dB/m, evidence 12.8, of 4.9 that are needed\n"
+        );
+        let more = words(vec![find(30.0, 0.1)], find(12.8, 70.0));
+        assert!(
+            more.contains("found at (3.00 ± 0.10") && more.contains("somebody else is there"),
+            "{more}"
+        );
+        let nobody = words(Vec::new(), find(3.0, 70.0));
+        assert!(nobody.starts_with("nobody found; "), "{nobody}");
+        let one = words(vec![find(30.0, 0.1)], find(3.0, 70.0));
+        assert!(one.starts_with("found at ") && one.lines().count() == 1);
+    }
+
+    #[test]
+    fn links_that_are_too_short_are_told_how_long_they_should_be() {
+        let dropped = DroppedLinks::from([(DropReason::TooShort, 3), (DropReason::SameSide, 2)]);
+        let said = dropped_in_words(&dropped, "1.50 m");
+        assert_eq!(
+            said,
+            "  3 dropped: too short: under 1.50 m\n  2 dropped: along one side\n"
+        );
+    }
+
+    #[test]
+    fn why_persons_are_not_searched_is_said() {
+        let said = |width_m: f64| {
+            let area = Rect::new(Point::default(), Point::new(width_m, 9.0));
+            why_not_searched(&FindSettings::IN_METRES, area, "m")
+        };
+        assert!(
+            said(1.5)
+                .contains("within 0.80 m of the border, which is all of an area of 1.50 x 9.00 m")
+        );
+        assert!(said(8.0).contains("the links tell no place"));
+    }
 }

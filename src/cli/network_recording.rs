@@ -87,6 +87,7 @@ impl NetworkRecording {
             imaging: None,
             pooled_in_m: None,
             is_without_offsets: false,
+            is_of_samples: false,
             runs: Default::default(),
             channels: Default::default(),
             heights_m: Vec::new(),

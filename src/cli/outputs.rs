@@ -19,8 +19,9 @@ use crate::config::SourceFile;
 use crate::draw::{HeatMap, Picture, described};
 use crate::geom::{Point, Rect};
 use crate::tomo::{
-    Candidates, Choice, DropReason, DroppedLinks, Find, Finds, Image, ImagingSettings, LinkShare,
-    Peak, PixelShares, Reconstruction, Score, Solver, Sparse, Variation, WeightModel, npy_bytes,
+    Candidates, Choice, DropReason, DroppedLinks, Find, FindSettings, Finds, Image,
+    ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction, Score, Solver, Sparse,
+    Variation, WeightModel, npy_bytes,
 };
 
 /// The files to be written, open under temporary names.
@@ -83,11 +84,11 @@ impl Outputs {
         })
     }
 
-    /// Writes all, then gives all their names.
+    /// Writes all; none has its name yet.
     ///
     /// # Errors
-    /// One cannot be written or drawn; then none has its name.
-    pub(super) fn write(mut self, made: &Made<'_>) -> Result<(), CliError> {
+    /// One cannot be written or drawn; then none gets its name.
+    pub(super) fn filled(mut self, made: &Made<'_>) -> Result<Outputs, CliError> {
         let Made {
             result,
             settings,
@@ -155,8 +156,15 @@ impl Outputs {
         fill(&mut self.geojson, || {
             text(made.earth.map(|earth| earth.geojson.as_str()))
         })?;
-        self.all().try_for_each(PendingFile::finish)?;
-        Ok(())
+        Ok(self)
+    }
+
+    /// Gives all their names.
+    ///
+    /// # Errors
+    /// One cannot be renamed.
+    pub(super) fn finish(self) -> Result<(), ImageError> {
+        self.all().try_for_each(PendingFile::finish)
     }
 
     fn all(self) -> impl Iterator<Item = PendingFile> {
@@ -339,7 +347,7 @@ fn report(
         json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
     });
     json!({
-        "finds": finds_json(result.finds.as_ref()),
+        "finds": finds_json(result.finds.as_ref(), &settings.finds),
         "peaks": result.peaks.iter().map(peak).collect::<Vec<_>>(),
         "residual_rms_db": result.residual_rms_db,
         "links": {"used": result.used, "dropped": dropped_json(&result.dropped)},
@@ -359,8 +367,9 @@ pub(super) fn dropped_json(dropped: &DroppedLinks) -> Value {
     dropped.iter().map(of_reason).collect()
 }
 
-/// Returns who was found as the JSON output shows it; nothing without an empty sweep.
-fn finds_json(finds: Option<&Finds>) -> Value {
+/// Returns who was found as the JSON output shows it; nothing without an empty sweep. The next one `passes` where somebody is
+/// there and the links cannot tell where.
+fn finds_json(finds: Option<&Finds>, settings: &FindSettings) -> Value {
     let Some(finds) = finds else {
         return Value::Null;
     };
@@ -369,9 +378,14 @@ fn finds_json(finds: Option<&Finds>) -> Value {
         json!({"x": find.at.x_m, "y": find.at.y_m, "strength": find.strength, "covariance": [[xx, xy], [xy, yy]],
             "evidence": find.evidence, "probability": find.probability})
     };
+    let next = finds.next.as_ref().map(|next| {
+        let mut shown = find(next);
+        shown["passes"] = finds.unlocated(settings).is_some().into();
+        shown
+    });
     json!({
         "found": finds.found.iter().map(find).collect::<Vec<_>>(),
-        "next": finds.next.as_ref().map(find),
+        "next": next,
         "threshold": finds.threshold,
         "false_per_image": finds.false_per_image,
     })

@@ -101,6 +101,8 @@ pub struct Recording {
     pub pooled_in_m: Option<f64>,
     /// Whether what radios differ by has been taken out of the links already, as a simulation does of what it writes.
     pub is_without_offsets: bool,
+    /// Whether it is a file of samples.
+    pub is_of_samples: bool,
     /// Of which runs it is, as far as it says so.
     pub runs: BTreeSet<RunId>,
     /// The channels on which it was measured, as far as it says so.
@@ -260,7 +262,7 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         runs.extend(samples.run);
         (samples.links, samples.channels, None)
     } else {
-        let expected = format!("the header {CSV_HEADER}, optionally with spots,misses,spread_db");
+        let expected = expected_of_links(line);
         let header = CsvHeader::read(number, line, &of_links, expected)?;
         let bin_m = imaging.as_ref().map(|imaging| imaging.imaging.bin_m);
         let links = read_links(&header, lines, &mut heights_m)?;
@@ -273,12 +275,27 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         imaging,
         pooled_in_m,
         is_without_offsets: pooled_in_m.is_some(),
+        is_of_samples: are_samples,
         runs,
         channels,
         heights_m,
         in_time,
         devices,
     })
+}
+
+/// Returns what is expected where the header of a links file should stand.
+fn expected_of_links(line: &str) -> String {
+    let header = format!(
+        "the header {CSV_HEADER}, optionally with spots,misses,spread_db,{MISSED_POWER},{}",
+        HEIGHTS.join(",")
+    );
+    // Lines of a fixed network are numbers from the first one on.
+    let are_numbers = csv::names(line).all(|field| field.parse::<f64>().is_ok());
+    match are_numbers {
+        true => header + "; a recording of a fixed network needs --nodes",
+        false => header,
+    }
 }
 
 /// More packets of a link than this are no count: in a hundred days with one every second there are fewer.
@@ -361,13 +378,18 @@ const PACKET: &str =
     "[receiver id, from_north, from_east, from_valid, to_north, to_east, to_valid, rssi_dbm]";
 
 fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
-    let dump: Dump = serde_json::from_str(text).map_err(|error| {
-        wrong(
-            format!("{}: ", error.line().max(1)),
-            error.to_string(),
-            format!("an object with \"packets\": [{PACKET}, ...]"),
-        )
-    })?;
+    let refused = |line: usize, found: String| {
+        let expected = format!("an object with \"packets\": [{PACKET}, ...]");
+        wrong(format!("{}: ", line.max(1)), found, expected)
+    };
+    // The parser would take the parts of an object from a list as well.
+    let before = text.len() - text.trim_start().len();
+    if text[before..].starts_with('[') {
+        let line = 1 + text[..before].matches('\n').count();
+        return Err(refused(line, "a list".to_owned()));
+    }
+    let dump: Dump =
+        serde_json::from_str(text).map_err(|error| refused(error.line(), error.to_string()))?;
     let area = read_area(&dump)?;
     let mut pairs = BTreeMap::new();
     let count = share_of(dump.packets.len(), share);
@@ -393,6 +415,7 @@ fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
         imaging: None,
         pooled_in_m: None,
         is_without_offsets: false,
+        is_of_samples: false,
         runs: BTreeSet::new(),
         channels: BTreeSet::new(),
         heights_m: Vec::new(),

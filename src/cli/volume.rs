@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::error::CliError;
-use super::image::{ImageCommand, bounds, read_with};
+use super::image::{ImageCommand, bounds, print, read_with};
 use super::image_settings::warning_of_part;
 use super::image_text::dropped_in_words;
 use super::outputs::{PendingFile, about, dropped_json};
@@ -30,6 +30,8 @@ const PACKET_SD_DB: f64 = 2.5;
 const LINK_SD_DB: f64 = 1.1;
 /// Layers beside each other in the picture.
 const BESIDE: usize = 3;
+/// Most layers that are drawn: each takes some megabytes.
+const MOST_DRAWN: usize = 100;
 
 /// Reads two recordings with heights, makes the volume, writes it, and prints a summary.
 ///
@@ -40,7 +42,7 @@ pub(super) fn run(
     layers: usize,
     out: &mut dyn Write,
 ) -> Result<(), CliError> {
-    check_options(command)?;
+    check_options(command, layers)?;
     let mut made_from = Vec::new();
     let now = read(&command.files, "FILE", &mut made_from)?;
     let empty = read(&command.empty, "--empty", &mut made_from)?;
@@ -49,15 +51,13 @@ pub(super) fn run(
         path: command.files[0].clone(),
         reason,
     };
-    let without = dropped.get(&DropReason::NoEmptyPartner).copied();
-    if links.len() < 2 || without.unwrap_or_default() > links.len() {
-        let reason = format!(
-            "found {} of {} links in the empty sweep as well, expected two at least, and the same places in both",
-            links.len(),
-            links.len() + without.unwrap_or_default()
-        );
-        return Err(refused(reason));
+    if links.is_empty() {
+        let reason =
+            "found no link that the empty sweep has as well, expected the same places in both";
+        return Err(refused(reason.to_owned()));
     }
+    command.check_partners(links.len(), &dropped)?;
+    command.check_links(links.len())?;
     let grid = grid_of(command, &now, layers)?;
     if let Some(warning) = warning_of_part(command.area, bounds(now.links.iter())) {
         complain(&warning);
@@ -79,25 +79,28 @@ pub(super) fn run(
     if volume.used < links.len() {
         dropped.insert(DropReason::OutsideArea, links.len() - volume.used);
     }
-    write(command, &volume, &dropped, &made_from)?;
+    let files = filled(command, &volume, &dropped, &made_from)?;
     let [x_m, y_m, z_m] = grid.centre(volume.strongest());
     let text = format!(
         "links: {}, {} used, residual {:.2} dB\n{}strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {:.2} dB/m\n",
         volume.used + dropped.values().sum::<usize>(),
         volume.used,
         volume.residual_rms_db,
-        dropped_in_words(&dropped),
+        dropped_in_words(&dropped, "0 m"),
         volume.values[volume.strongest()]
     );
-    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    written.map_err(|source| CliError::Write {
-        path: "standard output".into(),
-        source,
-    })
+    // A command that ends with an error leaves no file.
+    print(out, &text)?;
+    Ok(files.into_iter().try_for_each(PendingFile::finish)?)
 }
 
-/// Refuses what volumes do not have.
-fn check_options(command: &ImageCommand) -> Result<(), CliError> {
+/// Refuses what volumes do not have, and a picture of too many layers.
+fn check_options(command: &ImageCommand, layers: usize) -> Result<(), CliError> {
+    if command.png.is_some() && layers > MOST_DRAWN {
+        return Err(CliError::Usage(format!(
+            "--png: found {layers} layers, expected at most {MOST_DRAWN} in a picture; --npy holds all"
+        )));
+    }
     let given = [
         ("--solver", command.solver.is_some()),
         ("--weights", command.weights.is_some()),
@@ -134,10 +137,16 @@ fn read(
     };
     let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
     if recording.heights_m.len() != recording.links.len() {
+        let reason = match recording.is_of_samples {
+            true => {
+                "found samples, expected links with the columns tx_z_m and rx_z_m: --layers compares links between the very \
+                 same places in both sweeps, and takes no samples"
+            }
+            false => "found links without heights, expected the columns tx_z_m and rx_z_m",
+        };
         return Err(CliError::Input {
             path: path.clone(),
-            reason: "found links without heights, expected the columns tx_z_m and rx_z_m"
-                .to_owned(),
+            reason: reason.to_owned(),
         });
     }
     Ok(recording)
@@ -266,13 +275,13 @@ fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<Vox
     })
 }
 
-/// Writes what is asked for: all files, or none.
-fn write(
+/// Returns the files that are asked for, written, under temporary names.
+fn filled(
     command: &ImageCommand,
     volume: &Volume,
     dropped: &DroppedLinks,
     made_from: &[SourceFile],
-) -> Result<(), CliError> {
+) -> Result<Vec<PendingFile>, CliError> {
     let mut files = Vec::new();
     type Bytes<'a> = &'a dyn Fn() -> Result<Vec<u8>, CliError>;
     let mut add = |path: &Option<PathBuf>, bytes: Bytes<'_>| -> Result<(), CliError> {
@@ -303,7 +312,7 @@ fn write(
         });
         Ok(format!("{report:#}\n").into_bytes())
     })?;
-    Ok(files.into_iter().try_for_each(PendingFile::finish)?)
+    Ok(files)
 }
 
 /// Returns the values for NumPy: f32, layers from below, rows from the south, columns from the west.

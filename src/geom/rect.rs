@@ -57,26 +57,20 @@ impl Rect {
         }
     }
 
-    /// Returns what it has in common with another one; `None` when that is nothing.
-    pub fn intersection(self, other: Rect) -> Option<Rect> {
-        let min = Point::new(
-            self.min.x_m.max(other.min.x_m),
-            self.min.y_m.max(other.min.y_m),
-        );
-        let max = Point::new(
-            self.max.x_m.min(other.max.x_m),
-            self.max.y_m.min(other.max.y_m),
-        );
-        (min.x_m < max.x_m && min.y_m < max.y_m).then_some(Rect { min, max })
-    }
-
-    /// Returns the smallest rectangle around points; `None` without one.
-    pub fn around(points: impl IntoIterator<Item = Point>) -> Option<Rect> {
-        let all = points.into_iter().map(|at| Rect::new(at, at));
-        all.reduce(|a, b| Rect {
-            min: Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m)),
-            max: Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
-        })
+    /// Returns what two rectangles have in common; `None` when that has no size.
+    #[inline]
+    pub fn common_with(self, other: Rect) -> Option<Rect> {
+        let common = Rect {
+            min: Point::new(
+                self.min.x_m.max(other.min.x_m),
+                self.min.y_m.max(other.min.y_m),
+            ),
+            max: Point::new(
+                self.max.x_m.min(other.max.x_m),
+                self.max.y_m.min(other.max.y_m),
+            ),
+        };
+        (common.width_m() > 0.0 && common.height_m() > 0.0).then_some(common)
     }
 
     /// Returns the shares of a segment at which the endless line through it enters and leaves the rectangle (Liang and
@@ -131,5 +125,18 @@ mod tests {
         assert_eq!(rect.shrunk(0.5).centre(), rect.centre());
         assert_eq!(rect.shrunk(0.5).width_m(), 3.0);
         assert!(rect.contains(rect.max) && !rect.contains(Point::new(4.1, 1.0)));
+    }
+
+    #[test]
+    fn what_two_rectangles_have_in_common_lies_in_both() {
+        let rect = |x: f64, y: f64, far_x: f64, far_y: f64| {
+            Rect::new(Point::new(x, y), Point::new(far_x, far_y))
+        };
+        let one = rect(0.0, 0.0, 4.0, 2.0);
+        let common = one.common_with(rect(1.0, -5.0, 9.0, 1.5));
+        assert_eq!(common, Some(rect(1.0, 0.0, 4.0, 1.5)));
+        assert_eq!(one.common_with(one), Some(one));
+        assert_eq!(one.common_with(rect(4.0, 0.0, 9.0, 2.0)), None);
+        assert_eq!(one.common_with(one.shrunk(1.0)), None);
     }
 }

@@ -16,18 +16,35 @@
 use super::dense::LowerTriangle;
 use super::map_solver::Nuisance;
 use super::prior::Prior;
+use super::settings::ImagingSettings;
+use super::student;
 use super::weights::WeightRows;
 use crate::geom::PixelGrid;
 
 /// Added to the diagonal of the prior, a share of it: blocks that touch are nearly the same to a long prior.
 const JITTER: f64 = 1e-9;
 
-/// What the deviation follows from.
+/// What the deviation of an image follows from, beside its links.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PosteriorInputs<'a> {
+pub(super) struct DeviationInputs<'a> {
+    /// How it was made.
+    pub settings: &'a ImagingSettings,
+    /// Most blocks: time grows with their cube, memory with their square.
+    pub most_blocks: usize,
+    /// W D: rows = links, columns = pixels.
+    pub rows: &'a WeightRows,
+    /// D, per pixel; empty = 1 everywhere.
+    pub room: &'a [f64],
+    /// H and B.
+    pub nuisance: &'a [Nuisance],
+}
+
+/// What the posterior deviation follows from.
+#[derive(Clone, Copy, Debug)]
+struct PosteriorInputs<'a> {
     /// Where the pixels lie.
     pub grid: PixelGrid,
-    /// Most blocks: time grows with their cube, memory with their square.
+    /// Most blocks.
     pub most_blocks: usize,
     /// What is believed of the image before it is measured.
     pub prior: Prior,
@@ -49,8 +66,36 @@ struct Blocks {
     grid: PixelGrid,
 }
 
+/// Returns the standard deviation of every pixel, dB/m, row-major as the image: under the prior of `map`, and of an image that
+/// is mostly zero under one that knows it. Of each link its variance, dB², and what the image leaves unexplained, dB, are told:
+/// what contradicts the image weighs as little as in `map`. `None` when the numbers leave no answer.
+pub(super) fn deviation(
+    inputs: &DeviationInputs<'_>,
+    links: impl Iterator<Item = (f64, f64)>,
+    image: &[f64],
+) -> Option<Vec<f64>> {
+    let (prior, map) = inputs.settings.belief();
+    let doubted = |(variance_db2, residual_db)| {
+        student::doubted(variance_db2, residual_db, map.student_degrees)
+    };
+    let noise_db2: Vec<f64> = links.map(doubted).collect();
+    let posterior = PosteriorInputs {
+        grid: inputs.settings.grid,
+        most_blocks: inputs.most_blocks,
+        prior,
+        rows: inputs.rows,
+        room: inputs.room,
+        noise_db2: &noise_db2,
+        nuisance: inputs.nuisance,
+    };
+    match inputs.settings.solver.is_non_negative() {
+        true => sparse_deviation(&posterior, image),
+        false => posterior_deviation(&posterior),
+    }
+}
+
 /// Returns the standard deviation of every pixel, dB/m, row-major as the image; `None` when the numbers leave no answer.
-pub(super) fn posterior_deviation(inputs: &PosteriorInputs<'_>) -> Option<Vec<f64>> {
+fn posterior_deviation(inputs: &PosteriorInputs<'_>) -> Option<Vec<f64>> {
     let blocks = Blocks::of(inputs.grid, inputs.most_blocks);
     let covariance = blocks.covariance(inputs.prior);
     let mut precision = covariance.factor()?.inverse_of_factor().gram();
@@ -66,7 +111,7 @@ pub(super) fn posterior_deviation(inputs: &PosteriorInputs<'_>) -> Option<Vec<f6
 
 /// Returns the standard deviation of every pixel of an image that is mostly zero, dB/m: large where something is or may be;
 /// `None` when the numbers leave no answer. The inputs are those without anything known of the pixels: no room.
-pub(super) fn sparse_deviation(inputs: &PosteriorInputs<'_>, image: &[f64]) -> Option<Vec<f64>> {
+fn sparse_deviation(inputs: &PosteriorInputs<'_>, image: &[f64]) -> Option<Vec<f64>> {
     let sd = posterior_deviation(inputs)?;
     let prior_sd = inputs.prior.variance.sqrt();
     let content: Vec<f64> = (0..image.len())

@@ -1,4 +1,4 @@
-//! Why there is no image.
+//! Why there is no image, in words.
 
 /// Why there is no image.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -19,19 +19,22 @@ pub enum TomoError {
         /// Of the area.
         height: f64,
     },
-    /// The weights of pixels in links would fill the memory.
+    /// It would take more memory than an image is given.
     #[error(
-        "{links} links and {pixels} pixels have about {weights} weights, expected at most {most}: fewer pixels are needed"
+        "{links} links of an image of {columns} x {rows} pixels would take {needed_gb:.1} GB, expected at most \
+         {most_gb:.1} GB: fewer pixels take less"
     )]
-    TooManyWeights {
-        /// Links.
+    TooLarge {
+        /// Links that are left.
         links: usize,
-        /// Pixels.
-        pixels: usize,
-        /// How many weights they have, about.
-        weights: usize,
-        /// How many there may be.
-        most: usize,
+        /// Pixels from west to east.
+        columns: usize,
+        /// Pixels from south to north.
+        rows: usize,
+        /// What it would take, gigabytes.
+        needed_gb: f64,
+        /// Most that is allowed, gigabytes.
+        most_gb: f64,
     },
     /// Nothing is left to image.
     #[error("no link can be imaged: {given} given, dropped: {dropped}")]

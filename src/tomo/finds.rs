@@ -99,6 +99,14 @@ pub struct Finds {
     pub false_per_image: f64,
 }
 
+impl Finds {
+    /// Returns the strongest one that passes and whose place the links cannot tell: somebody is there, and nobody knows where.
+    pub fn unlocated(&self, settings: &FindSettings) -> Option<&Find> {
+        let passes = |next: &&Find| next.evidence >= self.threshold && !settings.locates(next);
+        self.next.as_ref().filter(passes)
+    }
+}
+
 impl FindSettings {
     /// A person of 0.3 m radius, by radios of 2.4 GHz.
     pub const IN_METRES: FindSettings = FindSettings {
@@ -112,6 +120,11 @@ impl FindSettings {
         pitch_m: 0.4,
         false_per_image: 0.02,
     };
+
+    /// Returns whether the place of a find is known well enough.
+    fn locates(&self, find: &Find) -> bool {
+        find.deviation_m() <= LOCATED * self.person.radius_m
+    }
 
     /// Returns the same in cells of a lattice over an area; rim and pitch go by the area, which persons stand in as they can.
     pub fn in_cells(area: Rect, cell_m: f64) -> FindSettings {
@@ -169,7 +182,9 @@ struct Judged {
 }
 
 /// Finds persons by calibrated links whose ends were driven along a ring and are means over bins of a size, or are fixed
-/// (`None`); `None` when there is no place to search, or no link.
+/// (`None`). They are sought only within what the links enclose, however large the area is: beyond it no link says anything,
+/// and the mean of what links say would be that of places where they say nothing. `None` when there is no place to search, no
+/// link, or nothing that tells one place from another.
 pub(super) fn find_persons(
     observations: &[Observation],
     area: Rect,
@@ -177,22 +192,20 @@ pub(super) fn find_persons(
     settings: &FindSettings,
 ) -> Option<Finds> {
     let person = settings.person;
-    // Beyond the links there is nothing to find, and whoever looks there does not know how often nobody seems to be somebody.
-    let ends = Rect::around(observations.iter().flat_map(|one| [one.from, one.to]))?;
-    let area = area.intersection(ends.shrunk(-settings.rim_m))?;
-    // Nobody stands nearer to the border than he is wide.
-    let inner = area.shrunk(settings.rim_m.max(person.radius_m));
-    if inner.width_m() <= 0.0 || inner.height_m() <= 0.0 {
-        return None;
-    }
+    let enclosed = enclosed(observations)?;
+    // Nobody stands nearer to the border, or to the outermost ends of links, than he is wide.
+    let inner = area
+        .shrunk(settings.rim_m.max(person.radius_m))
+        .common_with(enclosed.shrunk(person.radius_m))?;
+    let reachable = area.shrunk(person.radius_m).common_with(enclosed)?;
     let smear_m = driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt());
     let ring = driven.map_or(area, |driven| driven.ring);
     let links = observations
         .iter()
         .map(|one| person.link(one.from, one.to, ring, smear_m))
         .collect();
-    let evidence = Evidence::new(observations, links, area.shrunk(person.radius_m), settings);
-    let rate = FalseRate::new(&evidence, inner);
+    let evidence = Evidence::new(observations, links, reachable, settings);
+    let rate = FalseRate::new(&evidence, inner)?;
     let mut search = Search {
         threshold: rate.gain_for(settings.false_per_image),
         rate,
@@ -200,11 +213,10 @@ pub(super) fn find_persons(
         evidence,
     };
     let (kept, lost, beyond) = search.run(inner);
-    let is_located = |find: &Find| find.deviation_m() <= LOCATED * person.radius_m;
     let (found, vague) = search
         .finds(&kept)
         .into_iter()
-        .partition::<Vec<Find>, _>(is_located);
+        .partition::<Vec<Find>, _>(|find| settings.locates(find));
     Some(Finds {
         found,
         next: vague
@@ -389,6 +401,17 @@ impl Search<'_> {
             })
             .collect()
     }
+}
+
+/// Returns the smallest rectangle around the ends of all links; `None` without any.
+fn enclosed(observations: &[Observation]) -> Option<Rect> {
+    let ends = observations.iter().flat_map(|one| [one.from, one.to]);
+    let around = |one: Rect, at: Point| Rect {
+        min: Point::new(one.min.x_m.min(at.x_m), one.min.y_m.min(at.y_m)),
+        max: Point::new(one.max.x_m.max(at.x_m), one.max.y_m.max(at.y_m)),
+    };
+    let first = observations.first()?;
+    Some(ends.fold(Rect::new(first.from, first.to), around))
 }
 
 /// Returns how far apart places are searched, metres: as is wanted, and farther where that would take too much memory.

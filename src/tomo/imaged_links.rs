@@ -6,10 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::calibrate::Observation;
-use super::deviation::{PosteriorInputs, posterior_deviation, sparse_deviation};
-use super::map_solver::MapSettings;
-use super::settings::{ImagingSettings, Solver};
-use super::student;
+use super::deviation::{DeviationInputs, deviation};
+use super::settings::ImagingSettings;
 use super::weights::WeightRows;
 use crate::geom::{PixelGrid, Point, Segment};
 
@@ -123,33 +121,18 @@ pub fn deviation_of(
     settings: &ImagingSettings,
     most_blocks: usize,
 ) -> Option<Vec<f64>> {
-    let prior = match settings.solver {
-        Solver::Map(prior, _) => prior,
-        Solver::Tikhonov { .. }
-        | Solver::Tsvd { .. }
-        | Solver::Variation(_)
-        | Solver::NonNegative(_)
-        | Solver::Points(_)
-        | Solver::Auto(_) => ImagingSettings::prior_for(settings.grid.area),
-    };
-    let degrees = MapSettings::default().student_degrees;
-    let noise_of =
-        |link: &ImagedLink| student::doubted(link.sd_db * link.sd_db, link.residual_db, degrees);
-    let noise_db2: Vec<f64> = links.iter().map(noise_of).collect();
     let segments = links.iter().map(ImagedLink::segment);
-    let inputs = PosteriorInputs {
-        grid: settings.grid,
+    let doubted = links
+        .iter()
+        .map(|link| (link.sd_db * link.sd_db, link.residual_db));
+    let given = DeviationInputs {
+        settings,
         most_blocks,
-        prior,
         rows: &WeightRows::rescaled(segments, &settings.grid, settings.weights),
         room: &[],
-        noise_db2: &noise_db2,
         nuisance: &[],
     };
-    match settings.solver.is_non_negative() {
-        true => sparse_deviation(&inputs, image),
-        false => posterior_deviation(&inputs),
-    }
+    deviation(&given, doubted, image)
 }
 
 #[cfg(test)]

@@ -2,26 +2,28 @@
 //!
 //! [`Imager`] keeps the last solution and starts the next one from it; [`reconstruct`] does it once.
 
+mod memory;
+
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Segment};
 
+use self::memory::check_memory;
 use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
-use super::deviation::{PosteriorInputs, posterior_deviation, sparse_deviation};
+use super::deviation::{DeviationInputs, deviation};
 use super::error::TomoError;
 use super::finds::{Driven, Finds, find_persons};
 use super::imaged_links::ImagedLink;
 use super::map_solver::{MapProblem, MapSettings, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
-use super::prior::{Covariance, Prior};
+use super::prior::Covariance;
 use super::settings::{ImagingSettings, Solver};
 use super::shares::{LinkShare, PixelShares, shares};
 use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
-use super::student;
 use super::weights::WeightRows;
 use super::{Image, Link};
 
@@ -32,11 +34,6 @@ const SOLID_SD: f64 = 1.5;
 const SAME_SCENE_DB: f64 = 0.5;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
-
-/// Most weights of pixels in links: 2 GB.
-const MOST_WEIGHTS: usize = 250_000_000;
-/// Links by which their number is reckoned.
-const WEIGHED_LINKS: usize = 64;
 
 /// What is wanted beside an image; each takes longer than the image.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -84,7 +81,7 @@ pub struct Reconstruction {
 /// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
 ///
 /// # Errors
-/// [`TomoError`].
+/// [`TomoError::BadGrid`], [`TomoError::NoLinks`] and [`TomoError::TooLarge`].
 pub fn reconstruct(
     now: &[Link],
     empty: Option<&[Link]>,
@@ -188,7 +185,7 @@ impl Imager {
                 height,
             });
         }
-        let (prior, _) = belief(&settings);
+        let (prior, _) = settings.belief();
         let covariance = Covariance::new(&grid, prior);
         Ok(Imager {
             settings,
@@ -206,7 +203,7 @@ impl Imager {
     /// Reconstructs from all links so far.
     ///
     /// # Errors
-    /// [`TomoError::NoLinks`], [`TomoError::TooManyWeights`].
+    /// [`TomoError::NoLinks`] and [`TomoError::TooLarge`].
     pub fn update(
         &mut self,
         now: &[Link],
@@ -214,21 +211,20 @@ impl Imager {
         extras: Extras,
     ) -> Result<Reconstruction, TomoError> {
         let mut calibrated = calibrate(now, empty, &self.settings);
-        self.check_weights(&calibrated.observations)?;
-        let mut rows = self.rows(&mut calibrated);
+        let mut rows = self.rows(&mut calibrated)?;
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks {
                 given: now.len(),
-                dropped: words(&calibrated.dropped),
+                dropped: words(&calibrated.dropped, self.settings.shortest_link_m),
             });
         }
         let are_drawn = self.settings.solver.draws_persons();
         let are_sought = extras.persons && (empty.is_some() || are_drawn);
         let finds = are_sought.then(|| self.finds(&calibrated)).flatten();
-        let room = empty
-            .filter(|_| !self.settings.solver.is_non_negative())
-            .map(|empty| self.room_for_change(empty))
-            .unwrap_or_default();
+        let room = match empty.filter(|_| !self.settings.solver.is_non_negative()) {
+            Some(empty) => self.room_for_change(empty)?,
+            None => Vec::new(),
+        };
         rows.scale_pixels(&room);
         let solved = self.solve(&rows, &mut calibrated, finds.as_ref());
         let deviation = extras
@@ -318,7 +314,10 @@ impl Imager {
     /// Nobody walks into a wall. Without this, links that graze a wall put their mismatch between the sweeps into it,
     /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
     /// D = 1 / (1 + (x / x₀)²), x the structure's image of the empty sweep, x₀ [`SOLID_SD`] times its prior's deviation.
-    fn room_for_change(&mut self, empty: &[Link]) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`TomoError::TooLarge`].
+    fn room_for_change(&mut self, empty: &[Link]) -> Result<Vec<f64>, TomoError> {
         // An image that begins cold depends on its links alone.
         let within_db = if self.last.is_empty() {
             0.0
@@ -327,7 +326,7 @@ impl Imager {
         };
         let known = self.standing.as_ref();
         if let Some(standing) = known.filter(|one| one.is_of(empty, within_db)) {
-            return standing.room.clone();
+            return Ok(standing.room.clone());
         }
         let prior = ImagingSettings::prior_for(self.settings.grid.area);
         let settings = ImagingSettings {
@@ -341,39 +340,22 @@ impl Imager {
             let share = value.max(0.0) / solid;
             1.0 / (1.0 + share * share)
         };
-        // Without a picture of the empty sweep nothing is known to stand anywhere.
-        let room: Vec<f64> = structure
-            .map(|made| made.image.values.iter().map(room_of).collect())
-            .unwrap_or_default();
+        let room: Vec<f64> = match structure {
+            Ok(made) => made.image.values.iter().map(room_of).collect(),
+            Err(problem @ TomoError::TooLarge { .. }) => return Err(problem),
+            // Without a picture of the empty sweep nothing is known to stand anywhere.
+            Err(TomoError::NoLinks { .. } | TomoError::BadGrid { .. }) => Vec::new(),
+        };
         self.standing = Some(EmptyScene {
             empty: empty.to_vec(),
             room: room.clone(),
         });
-        room
-    }
-
-    /// Checks that the weights fit into memory, by those of a few links.
-    fn check_weights(&self, links: &[Observation]) -> Result<(), TomoError> {
-        let grid = &self.settings.grid;
-        let step = links.len().div_ceil(WEIGHED_LINKS).max(1);
-        let some = links.iter().step_by(step);
-        let counted = some.len().max(1);
-        let segments = some.map(|link| Segment::new(link.from, link.to));
-        let rows = WeightRows::rescaled(segments, grid, self.settings.weights);
-        let weights = rows.values() * links.len() / counted;
-        match weights > MOST_WEIGHTS {
-            true => Err(TomoError::TooManyWeights {
-                links: links.len(),
-                pixels: grid.len(),
-                weights,
-                most: MOST_WEIGHTS,
-            }),
-            false => Ok(()),
-        }
+        Ok(room)
     }
 
     /// Builds the weights, and drops links that do not touch the area.
-    fn rows(&self, calibrated: &mut Calibrated) -> WeightRows {
+    fn rows(&self, calibrated: &mut Calibrated) -> Result<WeightRows, TomoError> {
+        check_memory(&calibrated.observations, &self.settings)?;
         let settings = &self.settings;
         let segment = |link: &Observation| Segment::new(link.from, link.to);
         let build = |links: &[Observation]| {
@@ -385,14 +367,15 @@ impl Imager {
             .collect();
         let outside = touches.iter().filter(|touches| !**touches).count();
         if outside == 0 {
-            return rows;
+            return Ok(rows);
         }
+        drop(rows);
         calibrated.dropped.insert(DropReason::OutsideArea, outside);
         let mut keep = touches.into_iter();
         calibrated
             .observations
             .retain(|_| keep.next().unwrap_or(false));
-        build(&calibrated.observations)
+        Ok(build(&calibrated.observations))
     }
 
     /// Returns what made a pixel.
@@ -444,26 +427,16 @@ impl Imager {
         solved: &Solved,
         room: &[f64],
     ) -> Option<Vec<f64>> {
-        let (prior, map) = belief(&self.settings);
         let links = calibrated.observations.iter().zip(&solved.residual_db);
-        let noise_db2: Vec<f64> = links
-            .map(|(link, residual_db)| {
-                student::doubted(link.variance_db2, *residual_db, map.student_degrees)
-            })
-            .collect();
-        let inputs = PosteriorInputs {
-            grid: self.settings.grid,
+        let doubted = links.map(|(link, residual_db)| (link.variance_db2, *residual_db));
+        let given = DeviationInputs {
+            settings: &self.settings,
             most_blocks,
-            prior,
             rows,
             room,
-            noise_db2: &noise_db2,
             nuisance: &nuisance_of(calibrated),
         };
-        match self.settings.solver.is_non_negative() {
-            true => sparse_deviation(&inputs, &solved.image),
-            false => posterior_deviation(&inputs),
-        }
+        deviation(&given, doubted, &solved.image)
     }
 
     fn solve(
@@ -526,22 +499,6 @@ impl Imager {
     }
 }
 
-/// Returns what is believed of image and noise by solvers that do not say it themselves, too.
-fn belief(settings: &ImagingSettings) -> (Prior, MapSettings) {
-    match settings.solver {
-        Solver::Map(prior, map) => (prior, map),
-        Solver::Tikhonov { .. }
-        | Solver::Tsvd { .. }
-        | Solver::Variation(_)
-        | Solver::NonNegative(_)
-        | Solver::Points(_)
-        | Solver::Auto(_) => {
-            let prior = ImagingSettings::prior_for(settings.grid.area);
-            (prior, MapSettings::default())
-        }
-    }
-}
-
 /// Returns the unknowns of the path loss, of which an empty sweep leaves none.
 fn nuisance_of(calibrated: &Calibrated) -> Vec<Nuisance> {
     match calibrated.by_empty_sweep {
@@ -571,12 +528,19 @@ fn path_loss_columns(calibrated: &Calibrated) -> Vec<Nuisance> {
     ]
 }
 
-/// Returns reasons and counts in words.
-fn words(dropped: &DroppedLinks) -> String {
+/// Returns reasons and counts in words, and under which length links are too short.
+fn words(dropped: &DroppedLinks, shortest_m: f64) -> String {
     if dropped.is_empty() {
         return "none".to_owned();
     }
-    let part = |(reason, count): (&DropReason, &usize)| format!("{count} {}", reason.words());
+    let part = |(reason, count): (&DropReason, &usize)| match reason {
+        DropReason::TooShort => format!("{count} {} (under {shortest_m:.2})", reason.words()),
+        DropReason::SameSide
+        | DropReason::NeverHeard
+        | DropReason::NoEmptyPartner
+        | DropReason::NoPathLoss
+        | DropReason::OutsideArea => format!("{count} {}", reason.words()),
+    };
     dropped.iter().map(part).collect::<Vec<_>>().join(", ")
 }
 

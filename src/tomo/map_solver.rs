@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::cholesky::dot;
 use super::prior::{Covariance, Workspace};
 use super::student;
 use super::weights::WeightRows;
@@ -229,10 +230,6 @@ impl<'a> Solver<'a> {
         }
         most_steps
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 #[cfg(test)]

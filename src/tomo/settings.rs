@@ -181,6 +181,22 @@ impl ImagingSettings {
         }
     }
 
+    /// Returns what is believed of image and noise by solvers that do not say it themselves, too.
+    pub(super) fn belief(&self) -> (Prior, MapSettings) {
+        match self.solver {
+            Solver::Map(prior, map) => (prior, map),
+            Solver::Tikhonov { .. }
+            | Solver::Tsvd { .. }
+            | Solver::Variation(_)
+            | Solver::NonNegative(_)
+            | Solver::Points(_)
+            | Solver::Auto(_) => {
+                let prior = ImagingSettings::prior_for(self.grid.area);
+                (prior, MapSettings::default())
+            }
+        }
+    }
+
     /// Returns what is believed of a sparse image of an area: σ² = 0.2 (dB/m)², δ = 0.5 m, 2 / (dB m) for 20 m.
     pub fn sparse_for(area: Rect) -> Sparse {
         let scale = area.width_m().max(area.height_m()) / 20.0;

@@ -11,7 +11,7 @@ use super::cholesky::dot;
 use super::weights::WeightRows;
 
 /// Most singular values that are looked at.
-const MOST_VALUES: usize = 300;
+pub(super) const MOST_VALUES: usize = 300;
 /// Rounds in which one eigenvalue is isolated.
 const MOST_ROUNDS: usize = 60;
 

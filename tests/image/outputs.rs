@@ -148,11 +148,11 @@ fn an_empty_sweep_of_another_place_or_channel_is_refused() {
         "expected an empty sweep of the same place",
     ];
     check_refused(&files, &["now.csv", "--empty", "far.csv"], &words);
-    let beside = samples_at(4.0, None, 11);
+    let beside = samples_at(5.0, None, 11);
     let files = [("now.csv", now.as_str()), ("beside.csv", beside.as_str())];
     let words = [
-        "beside.csv: found ",
-        "links of the sweep, expected an empty sweep of the same place, with most of them",
+        "beside.csv: found links where",
+        "expected an empty sweep of the same place, with most of them",
     ];
     check_refused(&files, &["now.csv", "--empty", "beside.csv"], &words);
     let other = samples(None, 26);
@@ -171,8 +171,19 @@ fn what_makes_no_image_is_refused_with_the_reason() {
     let words = ["sides.csv: no link can be imaged", "3 along one side"];
     check_refused(&[("sides.csv", &sides)], &["sides.csv"], &words);
     let line = format!("{header}0,0,10,0,5,-60\n0,0,9,0,5,-61\n");
-    let words = ["line.csv: ", "on an area of positive size"];
+    let words = [
+        "line.csv: found all links on one line, (0.0, 0.0) to (10.0, 0.0)",
+        "an area of positive size",
+    ];
     check_refused(&[("line.csv", &line)], &["line.csv"], &words);
+    let short = format!("{header}0,0,10,0,5,-60\n0,10,10,10,5,-61\n4,4,5,5,5,-60\n");
+    let words = ["1 too short (under 1.50)"];
+    check_refused(&[("short.csv", &short)], &["short.csv"], &words);
+    let words = ["list.json:2: found a list, expected an object"];
+    check_refused(&[("list.json", "\n[]")], &["list.json"], &words);
+    let rounds = "0,-45,-50,-60,11,29,58\n";
+    let words = ["missed_power_dbm,tx_z_m,rx_z_m; a recording of a fixed network needs --nodes"];
+    check_refused(&[("rounds.csv", rounds)], &["rounds.csv"], &words);
     let words = ["1 to 1048576 pixels in all"];
     let sizes = ["now.csv", "--pixels", "20000x20000"];
     check_refused(&[("now.csv", &sweep(None))], &sizes, &words);
@@ -271,6 +282,97 @@ fn links_with_heights_make_a_volume() {
         &asked,
         &["now.csv: found links without heights", "tx_z_m"],
     );
+    let single = samples(None, 11);
+    let files = [("now.csv", single.as_str()), ("empty.csv", single.as_str())];
+    check_refused(
+        &files,
+        &asked,
+        &["now.csv: found samples", "takes no samples"],
+    );
+}
+
+#[test]
+fn a_volume_needs_several_links_that_the_empty_sweep_has_and_few_layers_in_its_picture() {
+    let (now, empty) = (with_heights(false), with_heights(true));
+    let asked = ["now.csv", "--empty", "empty.csv", "--layers", "2"];
+    let first = |text: &str, lines: usize| -> String {
+        text.lines()
+            .take(lines + 1)
+            .map(|line| line.to_owned() + "\n")
+            .collect()
+    };
+    let check = |now: &str, empty: &str, words: &[&str]| {
+        check_refused(&[("now.csv", now), ("empty.csv", empty)], &asked, words);
+    };
+    let words = [
+        "empty.csv: found links where 200 of the",
+        "of the same place",
+    ];
+    check(&now, &first(&empty, 200), &words);
+    let words = ["now.csv: found 1 link, expected several"];
+    check(&first(&now, 1), &first(&empty, 1), &words);
+    let files = [("now.csv", now.as_str()), ("empty.csv", empty.as_str())];
+    let many = ["now.csv", "--empty", "empty.csv", "--layers", "101"];
+    let words = ["--png: found 101 layers, expected at most 100 in a picture"];
+    check_refused(&files, &many, &words);
+}
+
+/// Nobody can write to a full device, and what is said there is lost.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_answer_that_cannot_be_printed_leaves_no_files() {
+    let folder = folder_with(&[
+        ("now.csv", &with_heights(false)),
+        ("empty.csv", &with_heights(true)),
+    ]);
+    let before = names(folder.path());
+    for more in [&["--solver", "map"][..], &["--layers", "2"]] {
+        let asked = ["image", "now.csv", "--empty", "empty.csv", "--npy", "o.npy"];
+        let ended = std::process::Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
+            .args(asked)
+            .args(more)
+            .current_dir(folder.path())
+            .stdout(
+                fs::OpenOptions::new()
+                    .write(true)
+                    .open("/dev/full")
+                    .unwrap(),
+            )
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert_eq!(ended.status.code(), Some(2), "{said}");
+        assert!(said.contains("standard output"), "{said}");
+        assert_eq!(names(folder.path()), before);
+    }
+}
+
+#[test]
+fn an_area_without_room_for_persons_says_that_they_are_not_searched() {
+    let folder = folder_with(&[
+        ("now.csv", &sweep(Some((6.0, 4.0)))),
+        ("empty.csv", &sweep(None)),
+    ]);
+    let said = |area: &str| {
+        let asked = [
+            "now.csv",
+            "--empty",
+            "empty.csv",
+            "--solver",
+            "map",
+            "--area",
+            area,
+        ];
+        let ended = tomoswarm(folder.path(), &asked);
+        assert!(ended.status.success(), "{ended:?}");
+        String::from_utf8(ended.stdout).unwrap()
+    };
+    let none = said("5,3,6.5,9");
+    assert!(
+        none.contains("persons are not searched: nobody is sought within 0.80 m of the border"),
+        "{none}"
+    );
+    assert!(!said("0,0,10,10").contains("persons are not searched"));
 }
 
 #[test]

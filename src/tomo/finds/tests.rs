@@ -87,25 +87,6 @@ fn where_nobody_stands_nobody_is_found() {
 }
 
 #[test]
-fn an_area_far_beyond_the_links_shows_nobody_more() {
-    let corner = |m| Point::new(m, m);
-    let wide = Rect::new(corner(-100.0), corner(120.0));
-    let settings = FindSettings::IN_METRES;
-    let found: usize = (0..10)
-        .map(|seed| {
-            let finds = find_persons(&sweep(400, &[], seed), wide, None, &settings);
-            finds.unwrap().found.len()
-        })
-        .sum();
-    assert!(found <= 1, "{found} of 10");
-    let person = Point::new(8.0, 11.0);
-    let finds = find_persons(&sweep(1500, &[person], 3), wide, None, &settings).unwrap();
-    assert_eq!(finds.found.len(), 1, "{finds:?}");
-    let apart = Rect::new(corner(60.0), corner(80.0));
-    assert!(find_persons(&sweep(400, &[], 1), apart, None, &settings).is_none());
-}
-
-#[test]
 fn too_few_links_give_a_place_and_no_find() {
     let person = Point::new(8.0, 11.0);
     let finds = find(&sweep(100, &[person], 3));
@@ -170,6 +151,10 @@ fn who_may_stand_anywhere_along_the_links_is_not_found() {
         next.deviation_m() > 1.0 && next.evidence > finds.threshold,
         "{next:?}"
     );
+    let settings = FindSettings::IN_METRES;
+    assert_eq!(finds.unlocated(&settings), Some(&next));
+    let weak = find(&sweep(100, &[Point::new(8.0, 11.0)], 3));
+    assert!(weak.next.is_some() && weak.unlocated(&settings).is_none());
 }
 
 #[test]
@@ -221,4 +206,32 @@ fn nobody_is_sought_in_an_area_that_is_narrower_than_a_person() {
     };
     let radius_m = settings.person.radius_m;
     assert!(!narrow(1.9 * radius_m) && narrow(2.5 * radius_m));
+}
+
+#[test]
+fn an_area_far_larger_than_what_the_links_enclose_shows_nobody_else() {
+    let persons = [Point::new(6.2, 13.1), Point::new(14.7, 5.4)];
+    let settings = FindSettings::IN_METRES;
+    for (seed, persons) in [(1, &persons[..]), (11, &[]), (12, &[])] {
+        let observations = sweep(600, persons, seed);
+        let near = find(&observations);
+        assert_eq!(near.found.len(), persons.len(), "{near:?}");
+        for beyond_m in [5.0, 100.0] {
+            let far = find_persons(&observations, AREA.shrunk(-beyond_m), None, &settings).unwrap();
+            assert_eq!(far.found.len(), persons.len(), "{far:?}");
+            assert!((far.threshold - near.threshold).abs() < 1.0);
+        }
+        let beside = Rect::new(Point::new(30.0, 0.0), Point::new(50.0, 20.0));
+        assert_eq!(find_persons(&observations, beside, None, &settings), None);
+    }
+}
+
+#[test]
+fn links_that_tell_no_place_from_another_find_nobody() {
+    let link = sweep(1, &[], 1)[0];
+    let (from, to) = (Point::new(0.0, 5.0), Point::new(20.0, 15.0));
+    let observation = |_| Observation { from, to, ..link };
+    let observations: Vec<Observation> = (0..40).map(observation).collect();
+    let settings = FindSettings::IN_METRES;
+    assert_eq!(find_persons(&observations, AREA, None, &settings), None);
 }

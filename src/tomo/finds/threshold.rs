@@ -17,6 +17,10 @@ use crate::tomo::cholesky::dot;
 const PLACES: usize = 8;
 /// Half the step of the derivatives, radii of a person.
 const HALF_STEP: f64 = 0.1;
+/// Under this I the links do not tell any place from another.
+const LEAST_RESELS: f64 = 1e-3;
+/// A part of the area that is smaller than what the links resolve is one place, of which the formula does not know.
+const ONE_PLACE: f64 = 1.0;
 /// Levels lie within these.
 const LEVELS: (f64, f64) = (1.5, 40.0);
 
@@ -28,8 +32,8 @@ pub(super) struct FalseRate {
 }
 
 impl FalseRate {
-    /// Takes the links and the area in which places are looked for.
-    pub(super) fn new(evidence: &Evidence<'_>, area: Rect) -> FalseRate {
+    /// Takes the links and the area in which places are looked for; `None` when the links do not tell its places apart.
+    pub(super) fn new(evidence: &Evidence<'_>, area: Rect) -> Option<FalseRate> {
         let share = |index: usize| index as f64 / (PLACES - 1) as f64;
         let at = |index: usize| {
             Point::new(
@@ -41,9 +45,10 @@ impl FalseRate {
             .map(|index| density(evidence, at(index)))
             .sum();
         let mean = sum / (PLACES * PLACES) as f64;
-        FalseRate {
-            resels: mean * area.width_m() * area.height_m(),
-        }
+        let resels = mean * area.width_m() * area.height_m();
+        (resels >= LEAST_RESELS).then_some(FalseRate {
+            resels: resels.max(ONE_PLACE),
+        })
     }
 
     /// Returns how many places where nobody stands are expected to gain this much, or more, in one image.
@@ -111,5 +116,8 @@ mod tests {
             assert!((rate.expected(got) / wanted - 1.0).abs() < 1e-6);
         }
         assert!(rate.expected(0.0) > 1.0 && rate.expected(20.0) < 1e-6);
+        // A single place of which the links say something by chance: 1.9 deviations are seldom.
+        let gain = FalseRate { resels: ONE_PLACE }.gain_for(0.02);
+        assert!((1.6..2.0).contains(&gain), "{gain}");
     }
 }

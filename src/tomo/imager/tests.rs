@@ -24,18 +24,6 @@ fn links(apart_m: f64) -> Vec<Link> {
 }
 
 #[test]
-fn weights_that_would_fill_the_memory_are_refused_before_they_are_made() {
-    let mut settings = ImagingSettings::for_area(AREA);
-    (settings.grid.columns, settings.grid.rows) = (1024, 1024);
-    let many = [links(0.05), links(0.051), links(0.052)].concat();
-    let refused = reconstruct(&many, None, &settings).unwrap_err();
-    assert!(
-        matches!(refused, TomoError::TooManyWeights { pixels: 1_048_576, weights, .. } if weights > MOST_WEIGHTS),
-        "{refused}"
-    );
-}
-
-#[test]
 fn shares_sum_to_their_pixel_where_links_lie_in_one_bin() {
     let settings = ImagingSettings::for_area(AREA);
     let now = links(0.1);
@@ -70,13 +58,13 @@ fn what_stood_there_is_imaged_once_for_one_empty_sweep() {
     });
     let settings = ImagingSettings::for_change(AREA);
     let mut imager = Imager::new(settings).unwrap();
-    let room = imager.room_for_change(&empty);
+    let room = imager.room_for_change(&empty).unwrap();
     assert_eq!(room.len(), settings.grid.len());
     let marked = vec![0.5; room.len()];
     imager.standing.as_mut().unwrap().room.clone_from(&marked);
-    assert_eq!(imager.room_for_change(&empty), marked);
+    assert_eq!(imager.room_for_change(&empty).unwrap(), marked);
     empty[0].mean_dbm -= 1.0;
-    assert_ne!(imager.room_for_change(&empty), marked);
+    assert_ne!(imager.room_for_change(&empty).unwrap(), marked);
 }
 
 #[test]
@@ -97,13 +85,47 @@ fn radios_that_are_known_a_little_better_do_not_have_the_empty_sweep_imaged_anew
         link.mean_dbm += if index % 2 == 0 { 0.2 } else { -0.2 };
         link.spread_db += 0.1;
     }
-    assert_eq!(imager.room_for_change(&corrected), marked);
+    assert_eq!(imager.room_for_change(&corrected).unwrap(), marked);
     // The last image of a run depends on its links alone.
     imager.forget();
-    assert_ne!(imager.room_for_change(&corrected), marked);
+    assert_ne!(imager.room_for_change(&corrected).unwrap(), marked);
     // Strengths that differ by more are those of another sweep.
     update(&mut imager);
     imager.standing.as_mut().unwrap().room.clone_from(&marked);
     corrected[0].mean_dbm += 1.0;
-    assert_ne!(imager.room_for_change(&corrected), marked);
+    assert_ne!(imager.room_for_change(&corrected).unwrap(), marked);
+}
+
+#[test]
+fn an_image_that_would_take_too_much_memory_is_refused_before_it_takes_any() {
+    let many = |pixels: usize, solver: Solver| {
+        let usual = ImagingSettings::for_change(AREA);
+        let grid = crate::geom::PixelGrid {
+            columns: pixels,
+            rows: pixels,
+            ..usual.grid
+        };
+        let settings = ImagingSettings {
+            grid,
+            solver,
+            ..usual
+        };
+        Imager::new(settings)
+            .unwrap()
+            .update(&links(0.02), None, Extras::default())
+    };
+    let map = ImagingSettings::for_change(AREA).solver;
+    let Err(problem @ TomoError::TooLarge { .. }) = many(1024, map) else {
+        panic!("an image of 1024 x 1024 pixels");
+    };
+    let said = problem.to_string();
+    assert!(
+        said.contains("1024 x 1024 pixels would take") && said.contains("expected at most 2.0 GB"),
+        "{said}"
+    );
+    assert!(matches!(
+        many(600, Solver::TSVD),
+        Err(TomoError::TooLarge { .. })
+    ));
+    assert!(many(20, map).is_ok());
 }
