@@ -478,13 +478,5 @@ fn read_files(
 /// Returns the smallest rectangle around all ends.
 pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     let ends = links.flat_map(|link| [link.from, link.to]);
-    ends.map(|at| Rect::new(at, at))
-        .reduce(|a, b| {
-            let low = Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m));
-            Rect::new(
-                low,
-                Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
-            )
-        })
-        .unwrap_or(Rect::new(Point::default(), Point::default()))
+    Rect::around(ends).unwrap_or(Rect::new(Point::default(), Point::default()))
 }

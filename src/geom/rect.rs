@@ -57,6 +57,15 @@ impl Rect {
         }
     }
 
+    /// Returns the smallest rectangle around points; `None` without any.
+    pub fn around(points: impl IntoIterator<Item = Point>) -> Option<Rect> {
+        let rects = points.into_iter().map(|at| Rect { min: at, max: at });
+        rects.reduce(|a, b| Rect {
+            min: Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m)),
+            max: Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
+        })
+    }
+
     /// Returns what two rectangles have in common; `None` when that has no size.
     #[inline]
     pub fn common_with(self, other: Rect) -> Option<Rect> {
@@ -125,6 +134,14 @@ mod tests {
         assert_eq!(rect.shrunk(0.5).centre(), rect.centre());
         assert_eq!(rect.shrunk(0.5).width_m(), 3.0);
         assert!(rect.contains(rect.max) && !rect.contains(Point::new(4.1, 1.0)));
+    }
+
+    #[test]
+    fn the_smallest_rectangle_around_points_touches_the_outermost() {
+        let points = [(3.0, -1.0), (-2.0, 4.0), (0.0, 0.0)].map(|(x, y)| Point::new(x, y));
+        let expected = Rect::new(Point::new(-2.0, -1.0), Point::new(3.0, 4.0));
+        assert_eq!(Rect::around(points), Some(expected));
+        assert_eq!(Rect::around([]), None);
     }
 
     #[test]

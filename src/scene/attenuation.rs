@@ -77,8 +77,8 @@ impl Attenuation {
                 .extend(contours);
             let pieces = object.sheet_at(height_m);
             let db_per_crossing = object.material.db_per_crossing;
-            let ends = pieces.iter().flat_map(|piece| [&piece.from, &piece.to]);
-            if let Some(bounds) = bounds_of(ends).filter(|_| db_per_crossing > 0.0) {
+            let ends = pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+            if let Some(bounds) = Rect::around(ends).filter(|_| db_per_crossing > 0.0) {
                 sheets.push(Sheet {
                     bounds,
                     pieces,
@@ -92,7 +92,7 @@ impl Attenuation {
             .filter(|(db_per_m, _)| *db_per_m > 0.0)
         {
             for contours in union(&contours) {
-                let Some(bounds) = bounds_of(contours.iter().flatten()) else {
+                let Some(bounds) = Rect::around(contours.iter().flatten().copied()) else {
                     continue;
                 };
                 solids.push(Solid {
@@ -440,17 +440,4 @@ impl NormalTable {
                 + t * (3.0 * rise - 2.0 * slope_from - slope_to
                     + t * (slope_from + slope_to - 2.0 * rise)))
     }
-}
-
-fn bounds_of<'a>(points: impl Iterator<Item = &'a Point>) -> Option<Rect> {
-    points.fold(None, |bounds: Option<Rect>, point| {
-        let Rect { min, max } = bounds.unwrap_or(Rect {
-            min: *point,
-            max: *point,
-        });
-        Some(Rect {
-            min: Point::new(min.x_m.min(point.x_m), min.y_m.min(point.y_m)),
-            max: Point::new(max.x_m.max(point.x_m), max.y_m.max(point.y_m)),
-        })
-    })
 }

@@ -76,7 +76,12 @@ impl VisibleSurface {
         let outlines = scene.outlines(height_m);
         let solids: Vec<(Rect, &Outline)> = outlines
             .iter()
-            .filter_map(|outline| Some((bounds(outline.polygon.corners())?, outline)))
+            .filter_map(|outline| {
+                Some((
+                    Rect::around(outline.polygon.corners().iter().copied())?,
+                    outline,
+                ))
+            })
             .collect();
         let is_solid = |point: Point| {
             solids
@@ -154,18 +159,6 @@ impl VisibleSurface {
         };
         among.iter().filter(is_seen).copied().collect()
     }
-}
-
-fn bounds(corners: &[Point]) -> Option<Rect> {
-    let first = *corners.first()?;
-    Some(
-        corners
-            .iter()
-            .fold(Rect::new(first, first), |rect, corner| Rect {
-                min: Point::new(rect.min.x_m.min(corner.x_m), rect.min.y_m.min(corner.y_m)),
-                max: Point::new(rect.max.x_m.max(corner.x_m), rect.max.y_m.max(corner.y_m)),
-            }),
-    )
 }
 
 /// Places on a lattice of [`PITCH_M`], sorted into squares.

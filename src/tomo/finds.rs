@@ -192,7 +192,7 @@ pub(super) fn find_persons(
     settings: &FindSettings,
 ) -> Option<Finds> {
     let person = settings.person;
-    let enclosed = enclosed(observations)?;
+    let enclosed = Rect::around(observations.iter().flat_map(|one| [one.from, one.to]))?;
     // Nobody stands nearer to the border, or to the outermost ends of links, than he is wide.
     let inner = area
         .shrunk(settings.rim_m.max(person.radius_m))
@@ -401,17 +401,6 @@ impl Search<'_> {
             })
             .collect()
     }
-}
-
-/// Returns the smallest rectangle around the ends of all links; `None` without any.
-fn enclosed(observations: &[Observation]) -> Option<Rect> {
-    let ends = observations.iter().flat_map(|one| [one.from, one.to]);
-    let around = |one: Rect, at: Point| Rect {
-        min: Point::new(one.min.x_m.min(at.x_m), one.min.y_m.min(at.y_m)),
-        max: Point::new(one.max.x_m.max(at.x_m), one.max.y_m.max(at.y_m)),
-    };
-    let first = observations.first()?;
-    Some(ends.fold(Rect::new(first.from, first.to), around))
 }
 
 /// Returns how far apart places are searched, metres: as is wanted, and farther where that would take too much memory.

@@ -23,15 +23,15 @@ const SILENT_MAX: Duration = Duration::from_secs(90);
 /// A listener that accepts nothing for the moment is tried again so soon.
 const AGAIN: Duration = Duration::from_millis(50);
 
-/// Who is connected, and how often.
+/// Lets so many connections in, and no more: who is connected, and how often.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Door {
+pub(super) struct ConnectionLimit {
     connected: Arc<Mutex<BTreeMap<IpAddr, usize>>>,
 }
 
-impl Door {
-    /// Lets an address in; `None` = there is no room for it. The place is given back when it is dropped.
-    fn admit(&self, address: IpAddr) -> Option<Place> {
+impl ConnectionLimit {
+    /// Lets an address in; `None` = there is no room for it. The permit is given back when it is dropped.
+    fn admit(&self, address: IpAddr) -> Option<ConnectionPermit> {
         let mut connected = self
             .connected
             .lock()
@@ -42,8 +42,8 @@ impl Door {
             return None;
         }
         connected.insert(address, of_it + 1);
-        Some(Place {
-            door: self.clone(),
+        Some(ConnectionPermit {
+            limit: self.clone(),
             address,
         })
     }
@@ -55,24 +55,24 @@ impl Door {
                 sleep(AGAIN).await;
                 continue;
             };
-            if let Some(place) = self.admit(from.ip()) {
-                return (Connection::new(stream, place, SILENT_MAX), from);
+            if let Some(permit) = self.admit(from.ip()) {
+                return (Connection::new(stream, permit, SILENT_MAX), from);
             }
         }
     }
 }
 
-/// The place of one connection.
+/// The permit of one connection.
 #[derive(Debug)]
-struct Place {
-    door: Door,
+struct ConnectionPermit {
+    limit: ConnectionLimit,
     address: IpAddr,
 }
 
-impl Drop for Place {
+impl Drop for ConnectionPermit {
     fn drop(&mut self) {
         let mut connected = self
-            .door
+            .limit
             .connected
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
@@ -84,22 +84,22 @@ impl Drop for Place {
     }
 }
 
-/// A connection that has a place, and ends when nothing passes.
+/// A connection that has a permit, and ends when nothing passes.
 #[derive(Debug)]
 pub(super) struct Connection {
     stream: TcpStream,
     silent_max: Duration,
     silent: Pin<Box<Sleep>>,
-    _place: Place,
+    _permit: ConnectionPermit,
 }
 
 impl Connection {
-    fn new(stream: TcpStream, place: Place, silent_max: Duration) -> Connection {
+    fn new(stream: TcpStream, permit: ConnectionPermit, silent_max: Duration) -> Connection {
         Connection {
             stream,
             silent_max,
             silent: Box::pin(sleep(silent_max)),
-            _place: place,
+            _permit: permit,
         }
     }
 
@@ -153,7 +153,7 @@ impl AsyncWrite for Connection {
 /// Accepts connections without encryption.
 pub(super) struct PlainListener {
     listener: TcpListener,
-    door: Door,
+    limit: ConnectionLimit,
 }
 
 impl PlainListener {
@@ -161,7 +161,7 @@ impl PlainListener {
     pub(super) fn new(listener: TcpListener) -> PlainListener {
         PlainListener {
             listener,
-            door: Door::default(),
+            limit: ConnectionLimit::default(),
         }
     }
 }
@@ -171,7 +171,7 @@ impl Listener for PlainListener {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
-        self.door.accept(&self.listener).await
+        self.limit.accept(&self.listener).await
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
@@ -190,35 +190,35 @@ mod tests {
 
     #[test]
     fn an_address_that_has_many_connections_keeps_no_other_one_out() {
-        let door = Door::default();
-        let mut places: Vec<Place> = (0..OF_ONE_MAX)
-            .map(|_| door.admit(address(1)).unwrap())
+        let limit = ConnectionLimit::default();
+        let mut permits: Vec<ConnectionPermit> = (0..OF_ONE_MAX)
+            .map(|_| limit.admit(address(1)).unwrap())
             .collect();
-        assert!(door.admit(address(1)).is_none(), "it has its share");
-        assert!(door.admit(address(2)).is_some());
-        places.pop();
-        places.push(door.admit(address(1)).unwrap());
+        assert!(limit.admit(address(1)).is_none(), "it has its share");
+        assert!(limit.admit(address(2)).is_some());
+        permits.pop();
+        permits.push(limit.admit(address(1)).unwrap());
         for other in 2..10 {
-            places.extend((0..OF_ONE_MAX).map_while(|_| door.admit(address(other))));
+            permits.extend((0..OF_ONE_MAX).map_while(|_| limit.admit(address(other))));
         }
-        assert_eq!(places.len(), CONNECTIONS_MAX);
-        assert!(door.admit(address(20)).is_none(), "all are taken");
-        places.clear();
-        assert!(door.connected.lock().unwrap().is_empty());
+        assert_eq!(permits.len(), CONNECTIONS_MAX);
+        assert!(limit.admit(address(20)).is_none(), "all are taken");
+        permits.clear();
+        assert!(limit.connected.lock().unwrap().is_empty());
     }
 
     #[tokio::test(flavor = "multi_thread")]
-    async fn a_connection_on_which_nothing_passes_ends_and_gives_its_place_back() {
+    async fn a_connection_on_which_nothing_passes_ends_and_gives_its_permit_back() {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let other = TcpStream::connect(listener.local_addr().unwrap());
         let (other, accepted) = tokio::join!(other, listener.accept());
         let (other, (stream, from)) = (other.unwrap(), accepted.unwrap());
-        let door = Door::default();
-        let place = door.admit(from.ip()).unwrap();
-        let mut connection = Connection::new(stream, place, Duration::from_millis(50));
+        let limit = ConnectionLimit::default();
+        let permit = limit.admit(from.ip()).unwrap();
+        let mut connection = Connection::new(stream, permit, Duration::from_millis(50));
         let read = connection.read_u8().await;
         assert_eq!(read.unwrap_err().kind(), io::ErrorKind::TimedOut);
         drop((connection, other));
-        assert!(door.connected.lock().unwrap().is_empty());
+        assert!(limit.connected.lock().unwrap().is_empty());
     }
 }

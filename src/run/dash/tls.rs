@@ -18,7 +18,7 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::server::TlsStream;
 
 use super::DashError;
-use super::connections::{Connection, Door};
+use super::connections::{Connection, ConnectionLimit};
 use crate::run::trust::{Certificate, read_limited};
 
 /// A handshake must be done within this time.
@@ -126,9 +126,12 @@ async fn accept(
     acceptor: TlsAcceptor,
     done: mpsc::Sender<(TlsStream<Connection>, SocketAddr)>,
 ) {
-    let (room, door) = (Arc::new(Semaphore::new(HANDSHAKES_MAX)), Door::default());
+    let (room, limit) = (
+        Arc::new(Semaphore::new(HANDSHAKES_MAX)),
+        ConnectionLimit::default(),
+    );
     while let Ok(permit) = room.clone().acquire_owned().await {
-        let (stream, from) = door.accept(&listener).await;
+        let (stream, from) = limit.accept(&listener).await;
         let (acceptor, done) = (acceptor.clone(), done.clone());
         tokio::spawn(async move {
             let shaken = tokio::time::timeout(HANDSHAKE_WITHIN, acceptor.accept(stream)).await;
