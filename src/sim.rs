@@ -43,7 +43,7 @@ pub mod xbee_module;
 pub use entry::SampleFile;
 pub use kernel::RunProgress;
 pub use operator_script::{EMPTY_RUN, RUN};
-pub use outcome::{EndedMission, FoundObject, RunCounts, RunOutcome};
+pub use outcome::{EndedMission, FoundObject, NEAR_M, RunCounts, RunOutcome};
 pub use place_results::{PlaceFate, PlaceResult};
 pub use run_view::{RunView, VehicleSnapshot};
 pub use scenario::{RunError, Scenario, ScenarioError};

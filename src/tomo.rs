@@ -25,6 +25,7 @@ mod path_loss;
 mod peaks;
 mod person;
 mod prior;
+mod room;
 mod samples_csv;
 mod settings;
 mod shares;

@@ -16,7 +16,8 @@ use crate::ground::imager::Subject;
 use crate::node::mission::EndReason;
 use crate::sim::bus::BytesByKind;
 use crate::sim::{
-    EMPTY_RUN, EndedMission, FoundObject, RUN, RunOutcome, Scenario, ScenarioError, VisibleScene,
+    EMPTY_RUN, EndedMission, FoundObject, NEAR_M, RUN, RunOutcome, Scenario, ScenarioError,
+    VisibleScene,
 };
 use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
@@ -214,9 +215,13 @@ impl RunFigures {
             text += &format!("mishap            {mishap}\n");
         }
         for find in &self.found {
-            let error = find.error_m.map_or("nobody was there".to_owned(), |error| {
-                format!("{error:.2} m off")
-            });
+            let error = match find.error_m {
+                None => "nobody was there".to_owned(),
+                Some(error_m) if find.is_somebody() => format!("{error_m:.2} m off"),
+                Some(error_m) => {
+                    format!("nobody within {NEAR_M} m, the nearest {error_m:.2} m off")
+                }
+            };
             let (x_m, y_m) = (find.at.x_m, find.at.y_m);
             text += &format!(
                 "found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m, evidence {:.1}: {error}\n",
@@ -238,7 +243,11 @@ impl RunFigures {
     }
 
     fn missed(&self) -> impl Iterator<Item = &(String, Point)> {
-        let near = |at: Point| self.found.iter().any(|find| find.at.distance_to(at) <= 1.0);
+        let near = |at: Point| {
+            self.found
+                .iter()
+                .any(|find| find.at.distance_to(at) <= NEAR_M)
+        };
         self.persons.iter().filter(move |(_, at)| !near(*at))
     }
 
@@ -269,7 +278,7 @@ impl RunFigures {
             "scene": self.scene,
             "seed": self.seed,
             "vehicles": self.vehicles,
-            "finished": self.finished,
+            "finished": self.failure.is_none(),
             "failure": self.failure,
             "simulated_s": self.simulated_s,
             "wall_s": self.wall_s,
@@ -299,15 +308,24 @@ impl RunFigures {
     }
 }
 
-/// Returns why a run failed: it did not end, a contract was broken on the way, or no vehicle did what it was asked. `None`
-/// when all is well.
+/// Returns why a run failed: it did not end, a contract was broken on the way, no vehicle did what it was asked, or nothing can
+/// be imaged of what they measured. `None` when all is well.
 pub(super) fn failure(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
-    let nobody_did_it = || "no vehicle did its mission".to_owned();
-    let ended = outcome.failure.clone().or_else(|| {
-        let missions = &outcome.missions;
-        let is_undone = !missions.is_empty() && did_everything(missions) == 0;
-        (is_undone && scenario.sim().expect == Expect::Finished).then(nobody_did_it)
-    });
+    let undone = || {
+        if scenario.sim().expect != Expect::Finished {
+            return None;
+        }
+        if scenario.sim().is_planned_by_ground() {
+            let is_nothing_shown = outcome.change.is_none() && outcome.structure.is_none();
+            return is_nothing_shown.then(|| {
+                let why = why_not_made(outcome, Subject::Structure);
+                format!("the sweep shows nothing: {why}")
+            });
+        }
+        let is_done = outcome.missions.is_empty() || did_everything(&outcome.missions) > 0;
+        (!is_done).then(|| "no vehicle did its mission".to_owned())
+    };
+    let ended = outcome.failure.clone().or_else(undone);
     why_failed(
         ended.as_deref(),
         outcome.collisions.len(),
@@ -369,16 +387,24 @@ fn not_made(scenario: &Scenario, outcome: &RunOutcome) -> Vec<String> {
         return list;
     }
     if outcome.change.is_none() {
-        list.push(if scenario.sim().empty_sweep {
-            "image: the sweep measured too little".to_owned()
-        } else {
-            "image: what has changed is told only by an empty sweep (empty_sweep = true)".to_owned()
-        });
+        let why = match scenario.sim().empty_sweep {
+            true => why_not_made(outcome, Subject::Change),
+            false => "what has changed is told only by an empty sweep (empty_sweep = true)",
+        };
+        list.push(format!("image: {why}"));
     }
     if outcome.structure.is_none() {
-        list.push("structure: the sweep measured too little".to_owned());
+        let why = why_not_made(outcome, Subject::Structure);
+        list.push(format!("structure: {why}"));
     }
     list
+}
+
+/// Returns why there is no image of a subject.
+fn why_not_made(outcome: &RunOutcome, subject: Subject) -> &str {
+    let mut tried = outcome.not_made.iter();
+    let reason = tried.find(|(of, _)| *of == subject);
+    reason.map_or("no lap of the sweep was done", |(_, why)| why)
 }
 
 /// Returns the share of the pixels that at least one link across the area looks at.

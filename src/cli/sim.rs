@@ -107,7 +107,7 @@ The folder then holds
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them
   samples.csv, empty-samples.csv   with --samples: every beacon heard or missed; `tomoswarm image` reads them as well
-  summary.json   finished, simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more
+  summary.json   finished (and failure: why not), simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more
   track-N.waypoints  where vehicle N drove, as a mission that QGroundControl and [mission] file read
   run.log        what happened when, in virtual time
 Without an empty sweep (empty_sweep = true in CONFIG) there is no image.png: nothing to compare with.
@@ -133,9 +133,9 @@ const EXIT_CODES: &str = "
 A run is given up at until_s (--until), and before that when a vehicle is not home 900 s after the operator has ordered the return
 at its end, or when too few vehicles for its task were heard within 900 s; the reason names the limit.
 
-Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep or mission that did not end or was stopped, a vehicle that did not
-come home, missions of which no vehicle did everything, or in --trials too many persons missed; 2 bad usage, bad files, or a folder
-that cannot be written.";
+Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep or mission that did not end or was stopped, a sweep that shows
+nothing, a vehicle that did not come home, missions of which no vehicle did everything, or in --trials too many persons missed; 2 bad
+usage, bad files, or a folder that cannot be written.";
 
 fn after_help() -> String {
     let live = if cfg!(feature = "net") {

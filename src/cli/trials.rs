@@ -13,10 +13,8 @@ use super::report;
 use super::sim::SimArgs;
 use super::stop::StopFlag;
 use crate::config::{Expect, Sim};
-use crate::sim::{RunOutcome, RunView, Scenario};
+use crate::sim::{NEAR_M, RunOutcome, RunView, Scenario};
 
-/// Persons count as found within this distance, metres.
-const FOUND_WITHIN_M: f64 = 1.0;
 /// Share of the seeds in which everybody must be found.
 const FOUND_SHARE: f64 = 0.95;
 
@@ -35,6 +33,8 @@ struct Trial {
     /// Per person, the distance to the nearest find, metres; infinite without any.
     errors_m: Vec<f64>,
     finds: usize,
+    /// Finds that are nobody.
+    nobodies: usize,
     log_hash: u64,
 }
 
@@ -63,14 +63,13 @@ impl Trial {
             simulated_s: outcome.simulated.as_secs_f64(),
             errors_m: looked_for.map(|person| error_m(person.at)).collect(),
             finds: found.len(),
+            nobodies: found.iter().filter(|find| !find.is_somebody()).count(),
             log_hash: crate::sim::log::hash(outcome.log.bytes().map(u64::from)),
         }
     }
 
     fn all_found(&self) -> bool {
-        self.errors_m
-            .iter()
-            .all(|error_m| *error_m <= FOUND_WITHIN_M)
+        self.errors_m.iter().all(|error_m| *error_m <= NEAR_M)
     }
 
     fn line(&self, seed: u64, word: &str) -> String {
@@ -128,10 +127,11 @@ pub(super) fn run(
         count_of(&trials, |trial| trial.is_safe),
         count_of(&trials, Trial::all_found),
     );
+    let nobodies: usize = trials.values().map(|trial| trial.nobodies).sum();
     let finds = match expect {
         Expect::Finished if finds_persons(scenario.sim()) => {
             format!(
-                ", everybody found within {FOUND_WITHIN_M} m in {found} ({:.1} %)",
+                ", everybody found within {NEAR_M} m in {found} ({:.1} %), finds of nobody: {nobodies}",
                 share(found)
             )
         }

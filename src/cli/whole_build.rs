@@ -33,10 +33,13 @@ const COMMANDS: [&str; 16] = [
 ];
 
 /// Options that only the whole build has, with their command.
-const OPTIONS: [(&str, &str); 3] = [
+const OPTIONS: [(&str, &str); 6] = [
     ("sim", "--record"),
     ("sim", "--live"),
     ("sim", "--topology"),
+    ("sim", "--dash"),
+    ("sim", "--port"),
+    ("check", "--devices"),
 ];
 
 /// Returns what the help of a smaller build ends with; `None` = this is the whole one.

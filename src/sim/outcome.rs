@@ -55,6 +55,9 @@ pub(super) struct FleetCount {
     pub held: usize,
 }
 
+/// A find within this of a person is that person, metres.
+pub const NEAR_M: f64 = 1.0;
+
 /// A person found in the change since the empty sweep.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct FoundObject {
@@ -104,6 +107,8 @@ pub struct RunOutcome {
     pub change: Option<Reconstruction>,
     /// What stands there.
     pub structure: Option<Reconstruction>,
+    /// Which of the two could not be made of what was measured, and why; of a live run not known.
+    pub not_made: Vec<(Subject, String)>,
     /// The merged map of the ground station.
     pub map: Merged,
     /// Where each vehicle truly was, 0.05 m and more apart, at the times of its telemetry.
@@ -125,16 +130,26 @@ pub struct RunOutcome {
     pub log: String,
 }
 
+impl FoundObject {
+    /// Returns whether a person stood within [`NEAR_M`] of it.
+    pub fn is_somebody(&self) -> bool {
+        self.error_m.is_some_and(|error_m| error_m <= NEAR_M)
+    }
+}
+
 impl RunOutcome {
-    /// Takes the last picture of a subject of the main run out of those recorded.
+    /// Takes the last picture of a subject of the main run out of those recorded; of one that could not be made the reason
+    /// goes to `not_made`.
     pub(super) fn take(
         pictures: &mut Vec<ReconstructedImage>,
         subject: Subject,
+        not_made: &mut Vec<(Subject, String)>,
     ) -> Option<Reconstruction> {
         let index = pictures
             .iter()
             .position(|picture| (picture.run, picture.subject) == (RUN, subject))?;
-        pictures.remove(index).result.ok()
+        let result = pictures.remove(index).result;
+        result.map_err(|why| not_made.push((subject, why))).ok()
     }
 
     /// Returns the bytes that all nodes sent over the bus, by kind of message.

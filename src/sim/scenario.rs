@@ -524,6 +524,9 @@ impl Scenario {
         let unmet = unmet(&self.sim, fleet, &monitor, is_time_up);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
+        let mut not_made = Vec::new();
+        let mut take = |subject| RunOutcome::take(&mut record.pictures, subject, &mut not_made);
+        let (change, structure) = (take(Subject::Change), take(Subject::Structure));
         Ok(RunOutcome {
             finished,
             failure,
@@ -538,8 +541,9 @@ impl Scenario {
             measured: self.keeps_samples.then(|| ground.samples()),
             links,
             empty_links,
-            change: RunOutcome::take(&mut record.pictures, Subject::Change),
-            structure: RunOutcome::take(&mut record.pictures, Subject::Structure),
+            change,
+            structure,
+            not_made,
             map: station.map().clone(),
             tracks: record.tracks,
             missions: match self.sim.is_planned_by_ground() {

@@ -1,7 +1,9 @@
 //! From signal strengths to attenuations: by an empty sweep where there is one, by a fitted path loss otherwise.
 //!
 //! What a link had in the empty sweep is kriged from its neighbours there ([`super::kriging`]) where ends were driven, as no two
-//! sweeps drive the same places; fixed ends are the same again, and there a link has its partner.
+//! sweeps drive the same places; fixed ends are the same again, and there a link has its partner. Where an image of the empty
+//! sweep is known, what it explains is taken out of the neighbours and put back for the link (regression kriging, Odeh et al.
+//! 1995): behind a wall the loss depends much on where the ends are, and a mean of neighbours would be of another place.
 //!
 //! Every link that is not used is counted with its reason. Nothing is imaged here.
 
@@ -11,12 +13,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Rect};
 
-use super::Link;
 use super::bins::BinKey;
 use super::kriging::{Level, LevelField};
 use super::link::floor_dbm;
 use super::path_loss::{ExponentPrior, PathLoss, spread_db};
 use super::settings::{ImagingSettings, NoiseModel};
+use super::weights::{WeightModel, WeightRows};
+use super::{Image, Link};
+
+/// Of so many links at a time what an image explains is computed: their weights take the room.
+const AT_ONCE: usize = 256;
 
 /// Why a link is not in the image.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -84,6 +90,16 @@ pub struct Calibrated {
 
 /// Calibrates the links `now` by an empty sweep, or without one by the path loss of the sweep itself.
 pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSettings) -> Calibrated {
+    calibrate_around(now, empty, None, settings)
+}
+
+/// Calibrates as [`calibrate`] does; `structure` = the image of the empty sweep, if there is one.
+pub(super) fn calibrate_around(
+    now: &[Link],
+    empty: Option<&[Link]>,
+    structure: Option<&Image>,
+    settings: &ImagingSettings,
+) -> Calibrated {
     let all = now.iter().chain(empty.unwrap_or_default());
     let sensitivity_dbm = floor_dbm(all, settings.noise.sensitivity_dbm);
     let noise = NoiseModel {
@@ -92,7 +108,11 @@ pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSetting
     };
     let settings = &ImagingSettings { noise, ..*settings };
     let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
-    let sweep = empty.map(|links| EmptySweep::of(links, settings, path_loss));
+    let sweep = empty.map(|links| EmptySweep::of(links, structure, settings, path_loss));
+    let now_explained = match &sweep {
+        Some(EmptySweep::Driven { .. }) => explained_db(structure, now, settings.weights),
+        Some(EmptySweep::Fixed(_)) | None => vec![0.0; now.len()],
+    };
     let mut calibrated = Calibrated {
         observations: Vec::new(),
         dropped: DroppedLinks::new(),
@@ -100,8 +120,8 @@ pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSetting
         by_empty_sweep: sweep.is_some(),
         is_driven: matches!(sweep, Some(EmptySweep::Driven { .. })),
     };
-    for link in now {
-        match observe(link, sweep.as_ref(), path_loss, settings) {
+    for (link, explained_db) in now.iter().zip(now_explained) {
+        match observe((link, explained_db), sweep.as_ref(), path_loss, settings) {
             Ok(observation) => calibrated.observations.push(observation),
             Err(reason) => *calibrated.dropped.entry(reason).or_default() += 1,
         }
@@ -109,8 +129,22 @@ pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSetting
     calibrated
 }
 
+/// Returns what an image explains of the attenuation of links, dB; 0 without one.
+fn explained_db(image: Option<&Image>, links: &[Link], weights: WeightModel) -> Vec<f64> {
+    let mut explained_db = vec![0.0; links.len()];
+    let Some(image) = image else {
+        return explained_db;
+    };
+    for (links, explained_db) in links.chunks(AT_ONCE).zip(explained_db.chunks_mut(AT_ONCE)) {
+        WeightRows::rescaled(links.iter().map(Link::segment), &image.grid, weights)
+            .forward(&image.values, explained_db);
+    }
+    explained_db
+}
+
+/// `explained_db`: what the image of the empty sweep explains of the link.
 fn observe(
-    link: &Link,
+    (link, explained_db): (&Link, f64),
     sweep: Option<&EmptySweep>,
     path_loss: Option<PathLoss>,
     settings: &ImagingSettings,
@@ -130,7 +164,8 @@ fn observe(
             let now = level_of(link, mean_dbm, *exponent, &settings.noise);
             let (level_dbm, variance_db2) =
                 field.level_of(link).ok_or(DropReason::NoEmptyPartner)?;
-            (level_dbm - now.level_dbm, now.variance_db2 + variance_db2)
+            let empty_dbm = level_dbm - explained_db;
+            (empty_dbm - now.level_dbm, now.variance_db2 + variance_db2)
         }
         Some(EmptySweep::Fixed(sweep)) => {
             let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
@@ -155,6 +190,11 @@ fn observe(
     Ok(observation)
 }
 
+/// Returns whether the ends of links were driven.
+fn are_driven(links: &[Link]) -> bool {
+    links.iter().any(|link| link.spots > 1)
+}
+
 /// The empty sweep, to be asked what a link had in it.
 enum EmptySweep {
     /// Its ends were driven.
@@ -168,17 +208,29 @@ enum EmptySweep {
 }
 
 impl EmptySweep {
-    fn of(links: &[Link], settings: &ImagingSettings, path_loss: Option<PathLoss>) -> EmptySweep {
+    fn of(
+        links: &[Link],
+        structure: Option<&Image>,
+        settings: &ImagingSettings,
+        path_loss: Option<PathLoss>,
+    ) -> EmptySweep {
         let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
         let entries = entries_of(links, settings);
-        let is_driven = links.iter().any(|link| link.spots > 1);
-        if !is_driven {
+        if !are_driven(links) {
             return EmptySweep::Fixed(Partners::new(entries, settings, exponent));
         }
         let is_long = |entry: &&Entry| entry.link.length_m() >= 0.5 * settings.shortest_link_m;
-        let level =
-            |entry: &Entry| level_of(&entry.link, entry.mean_dbm, exponent, &settings.noise);
-        let levels = entries.values().filter(is_long).map(level);
+        let long: Vec<&Entry> = entries.values().filter(is_long).collect();
+        let links: Vec<Link> = long.iter().map(|entry| entry.link).collect();
+        let explained_db = explained_db(structure, &links, settings.weights);
+        let level = |(entry, explained_db): (&Entry, f64)| {
+            let level = level_of(&entry.link, entry.mean_dbm, exponent, &settings.noise);
+            Level {
+                level_dbm: level.level_dbm + explained_db,
+                ..level
+            }
+        };
+        let levels = long.into_iter().zip(explained_db).map(level);
         EmptySweep::Driven {
             field: LevelField::new(levels.collect(), settings.pairing_m),
             exponent,

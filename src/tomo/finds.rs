@@ -8,6 +8,8 @@
 //! | `correlation` | how much the noise of neighbouring links goes together |
 //! | `threshold` | how strong evidence must be |
 //!
+//! Who stands where something solid stood in the empty sweep must be seen more surely ([`super::room`]).
+//!
 //! Persons are added one by one while each gains something, refined together each time; then the weakest ones are taken out
 //! again, one by one, until all that are left pass.
 
@@ -22,10 +24,11 @@ use self::correlation::Correlation;
 use self::evidence::{Derivatives, Evidence, Target};
 use self::places::Places;
 use self::threshold::FalseRate;
-use super::Observation;
 use super::cholesky::{Cholesky, dot};
 use super::person::PersonModel;
+use super::room::room_at;
 use super::student::DEGREES;
+use super::{Image, Observation};
 use crate::geom::{Point, Rect};
 
 /// A person is added while it gains this much, or as much as passes if that is less, a liberal measure: false ones soak up
@@ -72,7 +75,8 @@ pub struct Find {
     pub strength: f64,
     /// Variance by x, covariance, variance by y of the place, m².
     pub covariance_m2: [f64; 3],
-    /// Gain of the logarithm of the likelihood by this person, divided by how much the links' noise goes together.
+    /// Gain of the logarithm of the likelihood by this person, divided by how much the links' noise goes together, with the
+    /// logarithm of how likely the place is for what stood there in the empty sweep.
     pub evidence: f64,
     /// Probability that an image of nobody shows no place as strong as this one.
     pub probability: f64,
@@ -165,15 +169,26 @@ pub(super) struct Driven {
     pub bin_m: f64,
 }
 
+/// Where persons are sought.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SearchedGround<'a> {
+    pub area: Rect,
+    /// How the ends of the links were driven; `None` = they are fixed.
+    pub driven: Option<Driven>,
+    /// The image of the empty sweep, if there is one: what is solid there is nobody.
+    pub structure: Option<&'a Image>,
+}
+
 /// Everything that a search needs.
 struct Search<'a> {
+    structure: Option<&'a Image>,
     evidence: Evidence<'a>,
     correlation: Correlation,
     rate: FalseRate,
     threshold: f64,
 }
 
-/// A target with what it gains, and that divided by how much the noise goes together.
+/// A target with what it gains, and that divided by how much the noise goes together, less by what stood at its place before.
 #[derive(Clone, Copy)]
 struct Judged {
     target: Target,
@@ -181,14 +196,16 @@ struct Judged {
     evidence: f64,
 }
 
-/// Finds persons by calibrated links whose ends were driven along a ring and are means over bins of a size, or are fixed
-/// (`None`). They are sought only within what the links enclose, however large the area is: beyond it no link says anything,
+/// Finds persons by calibrated links. They are sought only within what the links enclose, however large the area is: beyond it no link says anything,
 /// and the mean of what links say would be that of places where they say nothing. `None` when there is no place to search, no
 /// link, or nothing that tells one place from another.
 pub(super) fn find_persons(
     observations: &[Observation],
-    area: Rect,
-    driven: Option<Driven>,
+    SearchedGround {
+        area,
+        driven,
+        structure,
+    }: SearchedGround<'_>,
     settings: &FindSettings,
 ) -> Option<Finds> {
     let person = settings.person;
@@ -207,6 +224,7 @@ pub(super) fn find_persons(
     let evidence = Evidence::new(observations, links, reachable, settings);
     let rate = FalseRate::new(&evidence, inner)?;
     let mut search = Search {
+        structure,
         threshold: rate.gain_for(settings.false_per_image),
         rate,
         correlation: Correlation::new(observations, driven),
@@ -328,13 +346,17 @@ impl Search<'_> {
         self.correlation.learn(&residuals);
     }
 
-    /// Divides gains by how much the noise goes together.
+    /// Divides gains by how much the noise goes together, and adds the logarithm of how likely a place is for what stood there.
     fn weigh(&self, judged: &mut [Judged]) {
         for one in judged {
             let chords_m = self.evidence.chords_m(one.target.at);
             let scaled = chords_m.iter().zip(&self.evidence.sd_db);
             let u: Vec<f64> = scaled.map(|(chord_m, sd_db)| chord_m / sd_db).collect();
-            one.evidence = one.gain / self.correlation.overdispersion(&u);
+            let room = self
+                .structure
+                .map_or(1.0, |structure| room_at(structure, one.target.at));
+            one.evidence = one.gain / self.correlation.overdispersion(&u) + 2.0 * libm::log(room);
+            one.evidence = one.evidence.max(0.0);
         }
     }
 

@@ -2,6 +2,7 @@
 //!
 //! [`Imager`] keeps the last solution and starts the next one from it; [`reconstruct`] does it once.
 
+mod empty_scene;
 mod memory;
 
 use std::collections::BTreeMap;
@@ -10,25 +11,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Segment};
 
+use self::empty_scene::EmptyScene;
 use self::memory::check_memory;
 use super::bins::BinKey;
-use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
+use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate_around};
 use super::deviation::{DeviationInputs, deviation};
 use super::error::TomoError;
-use super::finds::{Driven, Finds, find_persons};
+use super::finds::{Driven, Finds, SearchedGround, find_persons};
 use super::imaged_links::ImagedLink;
 use super::map_solver::{MapProblem, MapSettings, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::Covariance;
+use super::room::room_for_change;
 use super::settings::{ImagingSettings, Solver};
 use super::shares::{LinkShare, PixelShares, shares};
 use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
 use super::weights::WeightRows;
 use super::{Image, Link};
 
-/// Structure this many prior deviations strong leaves half of the room for a change.
-const SOLID_SD: f64 = 1.5;
 /// What stood in an empty sweep is not imaged anew while its links differ by no more than this, dB: what radios differ by,
 /// which is taken out of them, is found anew from the links of every image.
 const SAME_SCENE_DB: f64 = 0.5;
@@ -104,22 +105,6 @@ pub struct Imager {
     /// last of them.
     last: BTreeMap<BinKey, (f64, f64)>,
     standing: Option<EmptyScene>,
-}
-
-/// What stood there in the empty sweep, and how much room it leaves for a change.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct EmptyScene {
-    empty: Vec<Link>,
-    /// Per pixel, the factor on the standard deviation of a change: 1 = free, near 0 = solid.
-    room: Vec<f64>,
-}
-
-impl EmptyScene {
-    /// Returns whether it is that of these links, or of such whose strengths differ by so much at most, dB.
-    fn is_of(&self, links: &[Link], within_db: f64) -> bool {
-        let pairs = || self.empty.iter().zip(links);
-        self.empty.len() == links.len() && pairs().all(|(own, link)| own.is_same(link, within_db))
-    }
 }
 
 /// What a snapshot keeps of an imager; the covariance follows from the settings.
@@ -210,7 +195,11 @@ impl Imager {
         empty: Option<&[Link]>,
         extras: Extras,
     ) -> Result<Reconstruction, TomoError> {
-        let mut calibrated = calibrate(now, empty, &self.settings);
+        let structure = match empty {
+            Some(empty) => self.structure_of(empty)?,
+            None => None,
+        };
+        let mut calibrated = calibrate_around(now, empty, structure.as_ref(), &self.settings);
         let mut rows = self.rows(&mut calibrated)?;
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks {
@@ -220,11 +209,12 @@ impl Imager {
         }
         let are_drawn = self.settings.solver.draws_persons();
         let are_sought = extras.persons && (empty.is_some() || are_drawn);
-        let finds = are_sought.then(|| self.finds(&calibrated)).flatten();
-        let room = match empty.filter(|_| !self.settings.solver.is_non_negative()) {
-            Some(empty) => self.room_for_change(empty)?,
-            None => Vec::new(),
-        };
+        let finds = are_sought
+            .then(|| self.finds(&calibrated, structure.as_ref()))
+            .flatten();
+        let are_kept_out = !self.settings.solver.is_non_negative();
+        let room = structure.as_ref().filter(|_| are_kept_out);
+        let room = room.map_or(Vec::new(), room_for_change);
         rows.scale_pixels(&room);
         let solved = self.solve(&rows, &mut calibrated, finds.as_ref());
         let deviation = extras
@@ -282,11 +272,13 @@ impl Imager {
     }
 
     /// Searches persons.
-    fn finds(&self, calibrated: &Calibrated) -> Option<Finds> {
-        let settings = &self.settings;
-        let area = settings.grid.area;
-        let driven = self.driven(calibrated);
-        find_persons(&calibrated.observations, area, driven, &settings.finds)
+    fn finds(&self, calibrated: &Calibrated, structure: Option<&Image>) -> Option<Finds> {
+        let ground = SearchedGround {
+            area: self.settings.grid.area,
+            driven: self.driven(calibrated),
+            structure,
+        };
+        find_persons(&calibrated.observations, ground, &self.settings.finds)
     }
 
     fn driven(&self, calibrated: &Calibrated) -> Option<Driven> {
@@ -309,15 +301,11 @@ impl Imager {
         })
     }
 
-    /// Returns per pixel how much room what stood there in the empty sweep leaves for a change.
-    ///
-    /// Nobody walks into a wall. Without this, links that graze a wall put their mismatch between the sweeps into it,
-    /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
-    /// D = 1 / (1 + (x / x₀)²), x the structure's image of the empty sweep, x₀ [`SOLID_SD`] times its prior's deviation.
+    /// Returns the image of an empty sweep; `None` when its links show nothing.
     ///
     /// # Errors
     /// [`TomoError::TooLarge`].
-    fn room_for_change(&mut self, empty: &[Link]) -> Result<Vec<f64>, TomoError> {
+    fn structure_of(&mut self, empty: &[Link]) -> Result<Option<Image>, TomoError> {
         // An image that begins cold depends on its links alone.
         let within_db = if self.last.is_empty() {
             0.0
@@ -326,31 +314,10 @@ impl Imager {
         };
         let known = self.standing.as_ref();
         if let Some(standing) = known.filter(|one| one.is_of(empty, within_db)) {
-            return Ok(standing.room.clone());
+            return Ok(standing.structure.clone());
         }
-        let prior = ImagingSettings::prior_for(self.settings.grid.area);
-        let settings = ImagingSettings {
-            solver: Solver::Map(prior, MapSettings::default()),
-            ..self.settings
-        };
-        let structure = Imager::new(settings)
-            .and_then(|mut imager| imager.update(empty, None, Extras::default()));
-        let solid = SOLID_SD * prior.variance.sqrt();
-        let room_of = |value: &f64| {
-            let share = value.max(0.0) / solid;
-            1.0 / (1.0 + share * share)
-        };
-        let room: Vec<f64> = match structure {
-            Ok(made) => made.image.values.iter().map(room_of).collect(),
-            Err(problem @ TomoError::TooLarge { .. }) => return Err(problem),
-            // Without a picture of the empty sweep nothing is known to stand anywhere.
-            Err(TomoError::NoLinks { .. } | TomoError::BadGrid { .. }) => Vec::new(),
-        };
-        self.standing = Some(EmptyScene {
-            empty: empty.to_vec(),
-            room: room.clone(),
-        });
-        Ok(room)
+        let standing = self.standing.insert(EmptyScene::of(empty, &self.settings)?);
+        Ok(standing.structure.clone())
     }
 
     /// Builds the weights, and drops links that do not touch the area.

@@ -385,6 +385,22 @@ fn who_does_not_know_its_place_or_sees_nothing_has_not_explored_anything() {
     }
 }
 
+/// One narrow beam proves no way free that is as wide as the vehicle.
+#[test]
+fn who_sees_no_way_anywhere_has_not_explored_anything() {
+    for mission in ["explore", "search"] {
+        let place = yard(&format!("kind = \"{mission}\""));
+        let place = place
+            .body("max_speed_mps = 0.1")
+            .with("[range]\nbeams_deg = [0]");
+        let outcome = place.run();
+        let EndReason::ShutIn { unseen_percent } = end_of(&outcome, 1) else {
+            panic!("{mission}: {:?}", end_of(&outcome, 1));
+        };
+        assert!(*unseen_percent > 80, "{mission}: {unseen_percent} %");
+    }
+}
+
 #[test]
 fn who_sees_no_more_stands_within_a_moment_and_comes_home_over_its_own_track() {
     let outcome = explored_without("sensor", 5000.0);

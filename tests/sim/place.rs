@@ -20,6 +20,7 @@ pub struct Place {
     homes: Vec<(f64, f64)>,
     blocks: Vec<Block>,
     vehicles: usize,
+    body: String,
     root: String,
     sections: String,
     sweep: String,
@@ -53,6 +54,7 @@ impl Place {
             homes,
             blocks: Vec::new(),
             vehicles: 2,
+            body: String::new(),
             root: "end = \"hold\"\nuntil_s = 2000.0".to_owned(),
             sections: String::new(),
             sweep: "laps = 1".to_owned(),
@@ -71,6 +73,12 @@ impl Place {
     /// Returns how many vehicles there are.
     pub fn vehicles(mut self, vehicles: usize) -> Place {
         self.vehicles = vehicles;
+        self
+    }
+
+    /// Adds lines to the section `[vehicles]`.
+    pub fn body(mut self, lines: &str) -> Place {
+        self.body = lines.to_owned();
         self
     }
 
@@ -176,9 +184,9 @@ impl Place {
 
     fn text(&self) -> String {
         format!(
-            "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\n{}\n[vehicles]\ncount = {}\n\
+            "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\n{}\n[vehicles]\ncount = {}\n{}\n\
              [imaging]\npixels = [8, 8]\n[sweep]\npositions = {}\n{}\n{}",
-            self.root, self.vehicles, self.positions, self.sweep, self.sections
+            self.root, self.vehicles, self.body, self.positions, self.sweep, self.sections
         )
     }
 

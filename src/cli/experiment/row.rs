@@ -8,7 +8,7 @@ use crate::config::{Axis, Experiment};
 use crate::geom::Point;
 use crate::node::mission;
 use crate::sim::visible;
-use crate::sim::{EndedMission, RunOutcome, SLICE, VisibleScene, log};
+use crate::sim::{EndedMission, NEAR_M, RunOutcome, SLICE, VisibleScene, log};
 
 /// How a run ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -92,9 +92,6 @@ pub(super) struct RunRow {
     pub(super) log_hash: String,
 }
 
-/// A find farther than this from everybody is nobody, metres.
-const NEAR_M: f64 = 1.0;
-
 impl RunRow {
     /// Makes the row of a run that came to no outcome.
     pub(super) fn without_figures(run: usize, end: RowEnd, why: String) -> RunRow {
@@ -133,7 +130,8 @@ impl RunRow {
         let (found, is_imaged) = (outcome.found(), outcome.change.is_some());
         let errors_m: Vec<f64> = found
             .iter()
-            .filter_map(|find| find.error_m.filter(|error_m| *error_m <= NEAR_M))
+            .filter(|find| find.is_somebody())
+            .filter_map(|find| find.error_m)
             .collect();
         let squares: f64 = errors_m.iter().map(|error_m| error_m * error_m).sum();
         let is_found = |at: Point| found.iter().any(|find| find.at.distance_to(at) <= NEAR_M);
@@ -267,7 +265,8 @@ fn worst_of(missions: &[EndedMission]) -> String {
             | mission::EndReason::Blind
             | mission::EndReason::BusLost
             | mission::EndReason::BatteryLow
-            | mission::EndReason::Stalled,
+            | mission::EndReason::Stalled
+            | mission::EndReason::ShutIn { .. },
         ) => 3,
         Some(mission::EndReason::Refused(_)) => 4,
         None => 5,

@@ -10,7 +10,7 @@ use super::kind::DriveRoute;
 use super::terrain::{PathSearch, RULES, ReachedGround, Resolution};
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{Bar, CellRect};
-use crate::plan::{Distances, SearchGrid, shortest_route};
+use crate::plan::{Component, Distances, SearchGrid, shortest_route};
 
 /// So many close looks at a part of the ground, and what it holds is taken for barred.
 const LOOKS_MAX: usize = 3;
@@ -148,6 +148,31 @@ impl Doubts {
                 false => self.toward_unseen_past(search, peers, known, &doubted),
             }
         })
+    }
+
+    /// Returns of the ground that might be reached, and where there is room to stand, the share that nobody has seen and to which
+    /// no way is known, 0 to 1; `reached` is what can be reached, if it can set out. `None` when the fence is too large to search.
+    pub(crate) fn unseen_share(
+        search: &PathSearch<'_>,
+        reached: Option<&ReachedGround>,
+    ) -> Option<f64> {
+        let roomy = search.ground(None, Resolution::Parts, true, &[])?;
+        let whole = search.optimistic_ground(None, &[])?;
+        let (map, lattice, nodes) = (search.fenced_map()?, search.lattice(), whole.lattice());
+        let might = Component::around(&whole, nodes.cell_at(search.from()), &RULES);
+        let (mut all, mut unseen) = (0_u32, 0_u32);
+        for node in whole.area().cells() {
+            if !might.contains(node) || !roomy.passable(node) {
+                continue;
+            }
+            let at = nodes.centre(node);
+            all += 1;
+            let is_reached = reached.is_some_and(|reached| reached.is_reached(at));
+            if !is_reached && map.is_unseen(lattice.cell_at(at)) {
+                unseen += 1;
+            }
+        }
+        Some(f64::from(unseen) / f64::from(all.max(1)))
     }
 
     /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is room

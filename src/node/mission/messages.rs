@@ -244,6 +244,11 @@ pub enum EndReason {
     BatteryLow,
     /// For too long it has neither come to a place of the mission nor seen anything new.
     Stalled,
+    /// It saw no way on, and most of the ground that it might reach, this share of it, is unseen.
+    ShutIn {
+        /// Of that ground, percent.
+        unseen_percent: u8,
+    },
     /// It was never begun.
     Refused(MissionRefusal),
 }
@@ -275,6 +280,10 @@ impl fmt::Display for EndReason {
             EndReason::BusLost => f.write_str("gave up (the bus was lost)"),
             EndReason::BatteryLow => f.write_str("gave up (its battery is low)"),
             EndReason::Stalled => f.write_str("gave up (for too long nothing new was seen)"),
+            EndReason::ShutIn { unseen_percent } => write!(
+                f,
+                "gave up (it saw no way on: {unseen_percent} % of the ground that it might reach is unseen)"
+            ),
             EndReason::Refused(why) => write!(f, "was refused: {why}"),
         }
     }

@@ -141,7 +141,8 @@ fn end_on_wire(end: &EndReason) -> MissionEnd {
         | EndReason::Blind
         | EndReason::BusLost
         | EndReason::BatteryLow
-        | EndReason::Stalled => MissionEnd::GaveUp(1),
+        | EndReason::Stalled
+        | EndReason::ShutIn { .. } => MissionEnd::GaveUp(1),
         EndReason::Refused(why) => MissionEnd::Refused(*why),
     }
 }
@@ -276,6 +277,10 @@ mod tests {
             (EndReason::BusLost, MissionEnd::GaveUp(1)),
             (EndReason::BatteryLow, MissionEnd::GaveUp(1)),
             (EndReason::Stalled, MissionEnd::GaveUp(1)),
+            (
+                EndReason::ShutIn { unseen_percent: 97 },
+                MissionEnd::GaveUp(1),
+            ),
             (
                 EndReason::Refused(MissionRefusal::NoPlace),
                 MissionEnd::Refused(MissionRefusal::NoPlace),

@@ -79,6 +79,7 @@ pub fn outcome(
         empty_links: stored.empty_links,
         change: stored.change,
         structure: stored.structure,
+        not_made: Vec::new(),
         map: stored.map,
         tracks,
         missions,

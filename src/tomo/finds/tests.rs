@@ -40,8 +40,50 @@ fn sweep(links: usize, persons: &[Point], seed: u64) -> Vec<Observation> {
     observations
 }
 
+/// Fixed ends around an area where nothing stood.
+fn open(area: Rect) -> SearchedGround<'static> {
+    SearchedGround {
+        area,
+        driven: None,
+        structure: None,
+    }
+}
+
 fn find(observations: &[Observation]) -> Finds {
-    find_persons(observations, AREA, None, &FindSettings::IN_METRES).unwrap()
+    find_persons(observations, open(AREA), &FindSettings::IN_METRES).unwrap()
+}
+
+/// What is faint is nobody inside something solid, and somebody just beside it; who is plain is found wherever he stands.
+#[test]
+fn within_something_solid_more_is_asked_of_evidence() {
+    let at = Point::new(9.25, 10.75);
+    let grid = crate::geom::PixelGrid {
+        area: AREA,
+        columns: 40,
+        rows: 40,
+    };
+    let solid_at = |solid: Point| {
+        let mut image = Image::zeros(grid);
+        let pixel = grid.pixel_at(solid).unwrap();
+        image.values[pixel] = 9.0;
+        image
+    };
+    let (inside, beside) = (solid_at(at), solid_at(Point::new(9.75, 10.75)));
+    let found = |links: usize, structure: &Image| {
+        let ground = SearchedGround {
+            structure: Some(structure),
+            ..open(AREA)
+        };
+        let of_seed = |seed: u64| {
+            let observations = sweep(links, &[at], seed);
+            let finds = find_persons(&observations, ground, &FindSettings::IN_METRES);
+            finds.unwrap().found.len()
+        };
+        (1..9).map(of_seed).sum::<usize>()
+    };
+    let (hidden, plain) = (found(500, &inside), found(500, &beside));
+    assert!(hidden <= 3 && plain >= 6, "{hidden} and {plain} of 8");
+    assert_eq!((found(1500, &inside), found(1500, &beside)), (8, 8));
 }
 
 #[test]
@@ -115,7 +157,7 @@ fn who_passes_is_found_however_little_it_gains() {
             }
         };
         let observations: Vec<Observation> = nobody.iter().map(stands_in).collect();
-        let finds = find_persons(&observations, AREA, None, &settings).unwrap();
+        let finds = find_persons(&observations, open(AREA), &settings).unwrap();
         passed += finds.found.len();
         let Some(next) = finds.next else { continue };
         // The noise is measured anew when those who were added are known.
@@ -187,10 +229,10 @@ fn places_are_farther_apart_where_they_and_the_links_would_take_too_much_memory(
 #[test]
 fn without_links_or_room_there_is_nothing_to_search() {
     let settings = FindSettings::IN_METRES;
-    assert_eq!(find_persons(&[], AREA, None, &settings), None);
+    assert_eq!(find_persons(&[], open(AREA), &settings), None);
     let small = Rect::new(Point::new(0.0, 0.0), Point::new(1.0, 20.0));
     let one = sweep(50, &[], 1);
-    assert_eq!(find_persons(&one, small, None, &settings), None);
+    assert_eq!(find_persons(&one, open(small), &settings), None);
 }
 
 #[test]
@@ -202,7 +244,7 @@ fn nobody_is_sought_in_an_area_that_is_narrower_than_a_person() {
     };
     let narrow = |side_m: f64| {
         let area = Rect::new(Point::new(10.0, 10.0), Point::new(10.0 + side_m, 20.0));
-        find_persons(&observations, area, None, &settings).is_some()
+        find_persons(&observations, open(area), &settings).is_some()
     };
     let radius_m = settings.person.radius_m;
     assert!(!narrow(1.9 * radius_m) && narrow(2.5 * radius_m));
@@ -217,12 +259,12 @@ fn an_area_far_larger_than_what_the_links_enclose_shows_nobody_else() {
         let near = find(&observations);
         assert_eq!(near.found.len(), persons.len(), "{near:?}");
         for beyond_m in [5.0, 100.0] {
-            let far = find_persons(&observations, AREA.shrunk(-beyond_m), None, &settings).unwrap();
+            let far = find_persons(&observations, open(AREA.shrunk(-beyond_m)), &settings).unwrap();
             assert_eq!(far.found.len(), persons.len(), "{far:?}");
             assert!((far.threshold - near.threshold).abs() < 1.0);
         }
         let beside = Rect::new(Point::new(30.0, 0.0), Point::new(50.0, 20.0));
-        assert_eq!(find_persons(&observations, beside, None, &settings), None);
+        assert_eq!(find_persons(&observations, open(beside), &settings), None);
     }
 }
 
@@ -233,5 +275,5 @@ fn links_that_tell_no_place_from_another_find_nobody() {
     let observation = |_| Observation { from, to, ..link };
     let observations: Vec<Observation> = (0..40).map(observation).collect();
     let settings = FindSettings::IN_METRES;
-    assert_eq!(find_persons(&observations, AREA, None, &settings), None);
+    assert_eq!(find_persons(&observations, open(AREA), &settings), None);
 }

@@ -49,6 +49,18 @@ fn shares_sum_to_their_pixel_where_links_lie_in_one_bin() {
     assert!((sum - value).abs() < 1e-9, "{sum} of {value}");
 }
 
+/// Puts an image that no links would make in the place of what is known to have stood there, and returns it.
+fn mark(imager: &mut Imager) -> Option<Image> {
+    let grid = imager.settings.grid;
+    let marked = Some(Image {
+        grid,
+        values: vec![0.5; grid.len()],
+    });
+    let standing = imager.standing.as_mut().unwrap();
+    standing.structure.clone_from(&marked);
+    marked
+}
+
 #[test]
 fn what_stood_there_is_imaged_once_for_one_empty_sweep() {
     let mut empty = links(1.0);
@@ -58,13 +70,12 @@ fn what_stood_there_is_imaged_once_for_one_empty_sweep() {
     });
     let settings = ImagingSettings::for_change(AREA);
     let mut imager = Imager::new(settings).unwrap();
-    let room = imager.room_for_change(&empty).unwrap();
-    assert_eq!(room.len(), settings.grid.len());
-    let marked = vec![0.5; room.len()];
-    imager.standing.as_mut().unwrap().room.clone_from(&marked);
-    assert_eq!(imager.room_for_change(&empty).unwrap(), marked);
+    let structure = imager.structure_of(&empty).unwrap().unwrap();
+    assert_eq!(room_for_change(&structure).len(), settings.grid.len());
+    let marked = mark(&mut imager);
+    assert_eq!(imager.structure_of(&empty).unwrap(), marked);
     empty[0].mean_dbm -= 1.0;
-    assert_ne!(imager.room_for_change(&empty).unwrap(), marked);
+    assert_ne!(imager.structure_of(&empty).unwrap(), marked);
 }
 
 #[test]
@@ -78,22 +89,21 @@ fn radios_that_are_known_a_little_better_do_not_have_the_empty_sweep_imaged_anew
             .unwrap()
     };
     update(&mut imager);
-    let marked = vec![0.5; settings.grid.len()];
-    imager.standing.as_mut().unwrap().room.clone_from(&marked);
+    let marked = mark(&mut imager);
     let mut corrected = empty.clone();
     for (index, link) in corrected.iter_mut().enumerate() {
         link.mean_dbm += if index % 2 == 0 { 0.2 } else { -0.2 };
         link.spread_db += 0.1;
     }
-    assert_eq!(imager.room_for_change(&corrected).unwrap(), marked);
+    assert_eq!(imager.structure_of(&corrected).unwrap(), marked);
     // The last image of a run depends on its links alone.
     imager.forget();
-    assert_ne!(imager.room_for_change(&corrected).unwrap(), marked);
+    assert_ne!(imager.structure_of(&corrected).unwrap(), marked);
     // Strengths that differ by more are those of another sweep.
     update(&mut imager);
-    imager.standing.as_mut().unwrap().room.clone_from(&marked);
+    assert_eq!(mark(&mut imager), marked);
     corrected[0].mean_dbm += 1.0;
-    assert_ne!(imager.room_for_change(&corrected).unwrap(), marked);
+    assert_ne!(imager.structure_of(&corrected).unwrap(), marked);
 }
 
 #[test]
