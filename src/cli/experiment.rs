@@ -76,7 +76,7 @@ Examples:
   tomoswarm experiment mine.toml --threads 1 --out mine --fresh
 
 Exit codes: 0 every run of the grid has a row, however it ended; 1 it was stopped before, or the program was at fault; 2
-bad usage, files or cells, or a folder that cannot be used.";
+bad usage, files or cells, or a folder that cannot be used. With --only as of `sim`.";
 
 fn parse_axis(word: &str) -> Result<Axis, String> {
     let words = || Axis::ALL.map(Axis::word).join(", ");

@@ -84,6 +84,8 @@ pub(super) struct RunFigures {
     bus_bytes_per_vehicle_s: f64,
     found: Vec<FoundObject>,
     persons: Vec<(String, Point)>,
+    /// How far the nearest find is from each of them, metres.
+    errors_m: Vec<f64>,
     /// How the mission of each vehicle ended; empty for a sweep.
     missions: Vec<EndedMission>,
     /// Of the cells of surfaces that can be seen, how many the map has found; `None` for a sweep.
@@ -132,6 +134,7 @@ impl RunFigures {
                 .iter()
                 .map(|person| (person.name.clone(), person.at))
                 .collect(),
+            errors_m: outcome.errors_m(),
             missions: outcome.missions.clone(),
             seen: seen(scenario, outcome)?,
             not_made: not_made(scenario, outcome),
@@ -243,12 +246,9 @@ impl RunFigures {
     }
 
     fn missed(&self) -> impl Iterator<Item = &(String, Point)> {
-        let near = |at: Point| {
-            self.found
-                .iter()
-                .any(|find| find.at.distance_to(at) <= NEAR_M)
-        };
-        self.persons.iter().filter(move |(_, at)| !near(*at))
+        let judged = self.persons.iter().zip(&self.errors_m);
+        let missed = judged.filter(|(_, error_m)| **error_m > NEAR_M);
+        missed.map(|(person, _)| person)
     }
 
     /// Writes the figures for a program as `summary.json`.

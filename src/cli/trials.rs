@@ -42,15 +42,9 @@ impl Trial {
     fn of(scenario: &Scenario, outcome: &RunOutcome) -> Trial {
         let found = outcome.found();
         // Without an image of what has changed nobody is looked for.
-        let looked_for = outcome
-            .persons
-            .iter()
-            .filter(|_| finds_persons(scenario.sim()));
-        let error_m = |at| {
-            found
-                .iter()
-                .map(|find| find.at.distance_to(at))
-                .fold(f64::INFINITY, f64::min)
+        let errors_m = match finds_persons(scenario.sim()) {
+            true => outcome.errors_m(),
+            false => Vec::new(),
         };
         Trial {
             finished: outcome.finished,
@@ -61,7 +55,7 @@ impl Trial {
             fence_breaches: outcome.fence_breaches,
             min_separation_m: outcome.min_separation_m,
             simulated_s: outcome.simulated.as_secs_f64(),
-            errors_m: looked_for.map(|person| error_m(person.at)).collect(),
+            errors_m,
             finds: found.len(),
             nobodies: found.iter().filter(|find| !find.is_somebody()).count(),
             log_hash: crate::sim::log::hash(outcome.log.bytes().map(u64::from)),

@@ -200,7 +200,7 @@ impl Keyed for Swarm {
                 name: "separation_m",
                 default: 1.0,
                 allowed: 0.1..=20.0,
-                means: "smallest distance between two vehicles, middle to middle",
+                means: "smallest distance between two vehicles, middle to middle, by the places that they believe to be at",
             },
         );
         to.number(

@@ -71,7 +71,7 @@ pub struct FoundObject {
     pub evidence: f64,
     /// Probability that an image of nobody shows no place as strong as this one.
     pub probability: f64,
-    /// Distance to the nearest true person, metres; `None` when there is none.
+    /// Distance to the nearest true person, of one who walks to the nearest place of the way, metres; `None` when there is none.
     pub error_m: Option<f64>,
 }
 
@@ -120,6 +120,8 @@ pub struct RunOutcome {
     pub places: Vec<PlaceResult>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,
+    /// Where each of them was at some time ([`super::Scenario::ways`]).
+    pub ways: Vec<Vec<Point>>,
     /// What stood in the scene at antenna height, without the persons.
     pub outlines: Vec<Outline>,
     /// How often things happened.
@@ -183,11 +185,18 @@ impl RunOutcome {
         })
     }
 
+    /// Returns for each person how far the nearest find is from where it was, metres; infinite when nobody was found.
+    pub fn errors_m(&self) -> Vec<f64> {
+        let found = self.found();
+        let nearest_m = |way: &Vec<Point>| {
+            let errors_m = found.iter().map(|find| away_m(way, find.at));
+            errors_m.fold(f64::INFINITY, f64::min)
+        };
+        self.ways.iter().map(nearest_m).collect()
+    }
+
     fn judged(&self, find: &Find) -> FoundObject {
-        let distances = self
-            .persons
-            .iter()
-            .map(|person| person.at.distance_to(find.at));
+        let distances = self.ways.iter().map(|way| away_m(way, find.at));
         FoundObject {
             at: find.at,
             strength: find.strength,
@@ -197,4 +206,10 @@ impl RunOutcome {
             error_m: distances.min_by(f64::total_cmp),
         }
     }
+}
+
+/// Returns how far a place is from the nearest place of a way, metres.
+fn away_m(way: &[Point], place: Point) -> f64 {
+    let distances = way.iter().map(|at| at.distance_to(place));
+    distances.fold(f64::INFINITY, f64::min)
 }

@@ -552,6 +552,7 @@ impl Scenario {
             },
             places: monitor.places().to_vec(),
             persons: self.persons.clone(),
+            ways: self.ways(),
             outlines,
             counts: record.counts,
             bus_bytes: bus.sent_by_kind().clone(),

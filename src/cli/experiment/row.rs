@@ -134,8 +134,8 @@ impl RunRow {
             .filter_map(|find| find.error_m)
             .collect();
         let squares: f64 = errors_m.iter().map(|error_m| error_m * error_m).sum();
-        let is_found = |at: Point| found.iter().any(|find| find.at.distance_to(at) <= NEAR_M);
-        let persons_found = outcome.persons.iter().filter(|person| is_found(person.at));
+        let of_persons_m = outcome.errors_m().into_iter();
+        let persons_found = of_persons_m.filter(|error_m| *error_m <= NEAR_M);
         RunRow {
             run,
             end: if outcome.finished {

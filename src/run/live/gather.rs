@@ -85,6 +85,7 @@ pub fn outcome(
         missions,
         places: Vec::new(),
         persons: scenario.persons().to_vec(),
+        ways: scenario.ways(),
         outlines: scenario.outlines()?,
         counts: RunCounts {
             events: 0,

@@ -1,7 +1,8 @@
 //! The persons of a scenario who walk: whether they can, and the scene with them.
 
 use super::{Scenario, ScenarioError};
-use crate::scene::Scene;
+use crate::geom::Point;
+use crate::scene::{Person, Scene};
 use crate::sim::walking::{Walk, WalkingScene};
 use crate::sim::world::GROUND_CLEARANCE_M;
 
@@ -37,6 +38,17 @@ impl Scenario {
         Ok(())
     }
 
+    /// Returns for each person where it is at some time, at places a little apart; of one who stands still its only place.
+    pub fn ways(&self) -> Vec<Vec<Point>> {
+        let of_file = self.sim.scene.persons.iter().map(Walk::of);
+        let walks = of_file.chain(std::iter::repeat(None));
+        let way = |(person, walk): (&Person, Option<Walk>)| match walk {
+            Some(walk) => walk.places(CHECKED_EVERY_M).collect(),
+            None => vec![person.at],
+        };
+        self.persons.iter().zip(walks).map(way).collect()
+    }
+
     /// Returns the scene of those who walk; `None` when all stand still.
     pub(super) fn walking(&self) -> Option<WalkingScene> {
         let file = &self.sim.scene;
@@ -59,5 +71,36 @@ impl Scenario {
                 wavelength_m: radio.wavelength_m(),
                 object_limit_db: radio.object_limit_db,
             })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{self, bundled};
+
+    #[test]
+    fn who_walks_was_everywhere_along_the_way_and_who_stands_at_one_place() {
+        let scene = "kind = \"scene\"\nname = \"yard\"\n\
+            [[person]]\nat_m = [5, 5]\npath_m = [[9, 5], [9, 8]]\n[[person]]\nat_m = [12, 12]\n";
+        let name = "configs/courtyard.sim.toml";
+        let mut loader = |file: &str| match file.ends_with("scene.toml") {
+            true => Ok(scene.to_owned()),
+            false => bundled::load(file),
+        };
+        let text = bundled::load(name).unwrap();
+        let sim = config::read_sim(name, &text, None, &mut loader)
+            .unwrap_or_else(|problems| panic!("{problems}"));
+        let ways = Scenario::new(sim, Vec::new(), 1).unwrap().ways();
+        let [walked, stood] = &ways[..] else {
+            panic!("{ways:?}");
+        };
+        assert_eq!(stood[..], [Point::new(12.0, 12.0)]);
+        assert_eq!(walked.first(), Some(&Point::new(5.0, 5.0)));
+        for at in [(7.0, 5.0), (9.0, 6.5), (9.0, 8.0)] {
+            let at = Point::new(at.0, at.1);
+            let away_m = walked.iter().map(|place| place.distance_to(at));
+            assert!(away_m.fold(f64::INFINITY, f64::min) <= CHECKED_EVERY_M);
+        }
     }
 }
