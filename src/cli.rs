@@ -170,7 +170,10 @@ pub fn run() -> ExitCode {
     let command = match Cli::try_parse() {
         Ok(cli) => cli.command,
         Err(error) => {
-            if let Some(text) = whole_build::explain(&error) {
+            let line: Vec<String> = std::env::args_os()
+                .map(|word| word.to_string_lossy().into_owned())
+                .collect();
+            if let Some(text) = whole_build::explain(&error, &line) {
                 return fail(&CliError::Usage(text));
             }
             // Nothing can be done when even the message cannot be printed.

@@ -311,6 +311,20 @@ impl RunFigures {
 /// Returns why a run failed: it did not end, a contract was broken on the way, no vehicle did what it was asked, or nothing can
 /// be imaged of what they measured. `None` when all is well.
 pub(super) fn failure(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
+    why_failed(
+        ended_badly(scenario, outcome).as_deref(),
+        outcome.collisions.len(),
+        outcome.fence_breaches,
+    )
+}
+
+/// Returns whether a run ended as its file expects, and something was done or seen, whatever went wrong on the way.
+pub(super) fn has_ended_well(scenario: &Scenario, outcome: &RunOutcome) -> bool {
+    ended_badly(scenario, outcome).is_none()
+}
+
+/// Returns why a run did not end as it should.
+fn ended_badly(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
     let undone = || {
         if scenario.sim().expect != Expect::Finished {
             return None;
@@ -325,12 +339,7 @@ pub(super) fn failure(scenario: &Scenario, outcome: &RunOutcome) -> Option<Strin
         let is_done = outcome.missions.is_empty() || did_everything(&outcome.missions) > 0;
         (!is_done).then(|| "no vehicle did its mission".to_owned())
     };
-    let ended = outcome.failure.clone().or_else(undone);
-    why_failed(
-        ended.as_deref(),
-        outcome.collisions.len(),
-        outcome.fence_breaches,
-    )
+    outcome.failure.clone().or_else(undone)
 }
 
 fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -> Option<String> {
@@ -404,7 +413,8 @@ fn not_made(scenario: &Scenario, outcome: &RunOutcome) -> Vec<String> {
 fn why_not_made(outcome: &RunOutcome, subject: Subject) -> &str {
     let mut tried = outcome.not_made.iter();
     let reason = tried.find(|(of, _)| *of == subject);
-    reason.map_or("no lap of the sweep was done", |(_, why)| why)
+    // Of a live run the ground station knows why.
+    reason.map_or("the ground station has made none", |(_, why)| why)
 }
 
 /// Returns the share of the pixels that at least one link across the area looks at.

@@ -21,8 +21,9 @@ const FOUND_SHARE: f64 = 0.95;
 /// What one seed gave.
 #[derive(Clone, Debug)]
 struct Trial {
-    finished: bool,
-    /// It ended as it should, and nothing went wrong on the way.
+    /// It ended as it should, whatever went wrong on the way.
+    has_ended_well: bool,
+    /// The same, and nothing went wrong on the way.
     is_safe: bool,
     home: usize,
     held: usize,
@@ -47,7 +48,7 @@ impl Trial {
             false => Vec::new(),
         };
         Trial {
-            finished: outcome.finished,
+            has_ended_well: report::has_ended_well(scenario, outcome),
             is_safe: report::failure(scenario, outcome).is_none(),
             home: outcome.home,
             held: outcome.held,
@@ -77,7 +78,7 @@ impl Trial {
             .map_or("-".to_owned(), |metres| format!("{metres:.2}"));
         format!(
             "{seed:>6}  {:<8}  {:>7.0}  {:>4}  {:>4}  {:>10}  {:>6}  {separation:>10}  {:<14}  {:>5}  {:016x}",
-            if self.finished { word } else { "NOT" },
+            if self.has_ended_well { word } else { "NOT" },
             self.simulated_s,
             self.home,
             self.held,

@@ -71,9 +71,9 @@ fn left_out() -> Vec<&'static str> {
         .collect()
 }
 
-/// Returns what to say when the command line asks for something that only the whole build has; `None` when it is wrong
+/// Returns what to say when a command line, the program's name first, asks for something that only the whole build has; `None` when it is wrong
 /// in any build.
-pub(super) fn explain(error: &clap::Error) -> Option<String> {
+pub(super) fn explain(error: &clap::Error, line: &[String]) -> Option<String> {
     let word = |kind| match error.get(kind) {
         Some(ContextValue::String(word)) => Some(word.as_str()),
         _ => None,
@@ -88,7 +88,10 @@ pub(super) fn explain(error: &clap::Error) -> Option<String> {
         }
         ErrorKind::UnknownArgument => {
             let word = word(ContextKind::InvalidArg)?;
-            let (command, option) = OPTIONS.iter().find(|(_, option)| *option == word)?;
+            let is_asked = |(command, option): &&(&str, &str)| {
+                *option == word && line.get(1).is_some_and(|asked| asked == command)
+            };
+            let (command, option) = OPTIONS.iter().find(is_asked)?;
             format!("{command} {option}")
         }
         _ => return None,
@@ -151,13 +154,17 @@ mod tests {
     fn only_what_is_left_out_is_explained() {
         let explained = |arguments: &[&str]| {
             let line = ["tomoswarm"].iter().chain(arguments);
-            Cli::try_parse_from(line).err().as_ref().and_then(explain)
+            let line: Vec<String> = line.map(ToString::to_string).collect();
+            let error = Cli::try_parse_from(&line).err()?;
+            explain(&error, &line)
         };
         for (arguments, asked) in [
             (&["order", "operator.toml", "hold"][..], "order"),
             (&["sim", "castle", "--live", "-n", "8"], "sim --live"),
             (&["sim", "--topology", "star"], "sim --topology"),
             (&["sim", "--record"], "sim --record"),
+            (&["sim", "castle", "--dash"], "sim --dash"),
+            (&["check", "--devices", "vehicle.toml"], "check --devices"),
         ] {
             let text = explained(arguments);
             let shown = text
@@ -169,6 +176,8 @@ mod tests {
             &["ordre"][..],
             &["sim", "--liv"],
             &["plan", "--nothing"],
+            &["plan", "--dash"],
+            &["check", "--record"],
             &["--help"],
         ] {
             assert_eq!(explained(arguments), None, "{arguments:?}");

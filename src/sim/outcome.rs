@@ -71,7 +71,7 @@ pub struct FoundObject {
     pub evidence: f64,
     /// Probability that an image of nobody shows no place as strong as this one.
     pub probability: f64,
-    /// Distance to the nearest true person, of one who walks to the nearest place of the way, metres; `None` when there is none.
+    /// Distance to the nearest true person, of one who walks to the nearest place where it has been, metres; `None` when there is none.
     pub error_m: Option<f64>,
 }
 
@@ -120,7 +120,7 @@ pub struct RunOutcome {
     pub places: Vec<PlaceResult>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,
-    /// Where each of them was at some time ([`super::Scenario::ways`]).
+    /// Where each of them has been ([`super::Scenario::ways`]).
     pub ways: Vec<Vec<Point>>,
     /// What stood in the scene at antenna height, without the persons.
     pub outlines: Vec<Outline>,
@@ -185,7 +185,7 @@ impl RunOutcome {
         })
     }
 
-    /// Returns for each person how far the nearest find is from where it was, metres; infinite when nobody was found.
+    /// Returns for each person how far the nearest find is from where it has been, metres; infinite when nobody was found.
     pub fn errors_m(&self) -> Vec<f64> {
         let found = self.found();
         let nearest_m = |way: &Vec<Point>| {

@@ -552,7 +552,7 @@ impl Scenario {
             },
             places: monitor.places().to_vec(),
             persons: self.persons.clone(),
-            ways: self.ways(),
+            ways: self.ways(ended_at),
             outlines,
             counts: record.counts,
             bus_bytes: bus.sent_by_kind().clone(),

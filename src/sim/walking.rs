@@ -56,9 +56,22 @@ impl Walk {
 
     /// Returns places along the whole way, at most this far apart, metres.
     pub(super) fn places(&self, apart_m: f64) -> impl Iterator<Item = Point> + '_ {
-        let length_m = self.length_m();
-        let count = libm::ceil(length_m / apart_m).max(1.0) as usize;
-        (0..=count).map(move |step| self.place(length_m * step as f64 / count as f64))
+        self.places_along(self.length_m(), apart_m)
+    }
+
+    /// Returns places where the person has been until a moment, at most this far apart, metres.
+    pub(super) fn places_until(
+        &self,
+        until: Time,
+        apart_m: f64,
+    ) -> impl Iterator<Item = Point> + '_ {
+        let walked_m = until.as_secs_f64() * self.speed_mps;
+        self.places_along(walked_m.min(self.length_m()), apart_m)
+    }
+
+    fn places_along(&self, way_m: f64, apart_m: f64) -> impl Iterator<Item = Point> + '_ {
+        let count = libm::ceil(way_m / apart_m).max(1.0) as usize;
+        (0..=count).map(move |step| self.place(way_m * step as f64 / count as f64))
     }
 }
 

@@ -21,8 +21,8 @@ use super::settings::{ImagingSettings, NoiseModel};
 use super::weights::{WeightModel, WeightRows};
 use super::{Image, Link};
 
-/// Of so many links at a time what an image explains is computed: their weights take the room.
-const AT_ONCE: usize = 256;
+/// What an image explains is computed of so few links at a time that their weights are fewer than this, 50 MB.
+const MOST_WEIGHTS: usize = 1 << 22;
 
 /// Why a link is not in the image.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -135,7 +135,8 @@ fn explained_db(image: Option<&Image>, links: &[Link], weights: WeightModel) -> 
     let Some(image) = image else {
         return explained_db;
     };
-    for (links, explained_db) in links.chunks(AT_ONCE).zip(explained_db.chunks_mut(AT_ONCE)) {
+    let at_once = (MOST_WEIGHTS / image.values.len().max(1)).clamp(1, 256);
+    for (links, explained_db) in links.chunks(at_once).zip(explained_db.chunks_mut(at_once)) {
         WeightRows::rescaled(links.iter().map(Link::segment), &image.grid, weights)
             .forward(&image.values, explained_db);
     }

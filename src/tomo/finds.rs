@@ -78,7 +78,8 @@ pub struct Find {
     /// Gain of the logarithm of the likelihood by this person, divided by how much the links' noise goes together, with the
     /// logarithm of how likely the place is for what stood there in the empty sweep.
     pub evidence: f64,
-    /// Probability that an image of nobody shows no place as strong as this one.
+    /// Probability that an image of nobody shows no place as strong as this one; within what was solid, where evidence is lowered,
+    /// at least that.
     pub probability: f64,
 }
 

@@ -196,6 +196,10 @@ impl Imager {
         extras: Extras,
     ) -> Result<Reconstruction, TomoError> {
         let structure = match empty {
+            // Images that are never negative do without: they are not kept out of anything.
+            Some(empty) if self.settings.solver.is_non_negative() => {
+                self.structure_of(empty).ok().flatten()
+            }
             Some(empty) => self.structure_of(empty)?,
             None => None,
         };

@@ -127,52 +127,36 @@ impl Doubts {
         }
     }
 
-    /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be
-    /// reached; `None` when nothing of that kind is left; `reached` is what can be, finely. Small things that bar are looked at once, although they are confirmed:
+    /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be reached;
+    /// `reached` is what can be, finely, if it can set out. Small things that bar are looked at once, although they are confirmed:
     /// an exploration that takes an echo for a pole in a doorway would end before it.
+    ///
+    /// # Errors
+    /// None is: the share of the ground with room to stand that might be reached, which nobody has seen and to which no way is
+    /// known, 0 to 1; of all such ground where the vehicle is too near to something to go anywhere.
     pub(crate) fn toward_unseen(
         &mut self,
         search: &PathSearch<'_>,
-        reached: ReachedGround,
+        reached: Option<ReachedGround>,
         peers: &[Vec<Point>],
-    ) -> Option<CloseLook> {
-        let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let reached = Reached::finely(reached);
-        let known = (&roomy, &reached);
-        let past_confirmed = self.toward_unseen_past(search, peers, known, &[]);
-        past_confirmed.or_else(|| {
-            let mut doubted = search.small_things(SMALL_CELLS);
-            doubted.retain(|cell| self.places_of(search.lattice(), *cell).is_empty());
-            match doubted.is_empty() {
-                true => None,
-                false => self.toward_unseen_past(search, peers, known, &doubted),
-            }
-        })
-    }
-
-    /// Returns of the ground that might be reached, and where there is room to stand, the share that nobody has seen and to which
-    /// no way is known, 0 to 1; `reached` is what can be reached, if it can set out. `None` when the fence is too large to search.
-    pub(crate) fn unseen_share(
-        search: &PathSearch<'_>,
-        reached: Option<&ReachedGround>,
-    ) -> Option<f64> {
-        let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let whole = search.optimistic_ground(None, &[])?;
-        let (map, lattice, nodes) = (search.fenced_map()?, search.lattice(), whole.lattice());
-        let might = Component::around(&whole, nodes.cell_at(search.from()), &RULES);
-        let (mut all, mut unseen) = (0_u32, 0_u32);
-        for node in whole.area().cells() {
-            if !might.contains(node) || !roomy.passable(node) {
-                continue;
-            }
-            let at = nodes.centre(node);
-            all += 1;
-            let is_reached = reached.is_some_and(|reached| reached.is_reached(at));
-            if !is_reached && map.is_unseen(lattice.cell_at(at)) {
-                unseen += 1;
-            }
-        }
-        Some(f64::from(unseen) / f64::from(all.max(1)))
+    ) -> Result<CloseLook, f64> {
+        // Ground that is too large to be searched is told before.
+        let roomy = search.ground(None, Resolution::Parts, true, &[]);
+        let roomy = roomy.ok_or(0.0)?;
+        let reached = reached.map(Reached::finely);
+        let look = reached.as_ref().and_then(|reached| {
+            let known = (&roomy, reached);
+            let past_confirmed = self.toward_unseen_past(search, peers, known, &[]);
+            past_confirmed.or_else(|| {
+                let mut doubted = search.small_things(SMALL_CELLS);
+                doubted.retain(|cell| self.places_of(search.lattice(), *cell).is_empty());
+                match doubted.is_empty() {
+                    true => None,
+                    false => self.toward_unseen_past(search, peers, known, &doubted),
+                }
+            })
+        });
+        look.ok_or_else(|| unseen_share(search, &roomy, reached.as_ref()).unwrap_or(0.0))
     }
 
     /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is room
@@ -408,6 +392,29 @@ fn viewpoint(
     found.into_iter().map(|(_, node)| node).find(sees)
 }
 
+/// See [`Doubts::toward_unseen`]; `None` when the fence is too large to search.
+fn unseen_share(
+    search: &PathSearch<'_>,
+    roomy: &SearchGrid,
+    reached: Option<&Reached>,
+) -> Option<f64> {
+    let whole = search.optimistic_ground(None, &[])?;
+    let (map, lattice, nodes) = (search.fenced_map()?, search.lattice(), whole.lattice());
+    let might = Component::around(&whole, nodes.cell_at(search.from()), &RULES);
+    let is_shut_in = is_shut_in(search, &whole);
+    let (mut all, mut unseen) = (0_u32, 0_u32);
+    for node in whole.area().cells() {
+        if !roomy.passable(node) || !(is_shut_in || might.contains(node)) {
+            continue;
+        }
+        let at = nodes.centre(node);
+        let is_reached = reached.is_some_and(|reached| reached.ground.is_reached(at));
+        all += 1;
+        unseen += u32::from(!is_reached && map.is_unseen(lattice.cell_at(at)));
+    }
+    Some(f64::from(unseen) / f64::from(all.max(1)))
+}
+
 /// Returns whether nothing can be reached from where the vehicle stands but that place itself: it is too near to something, such
 /// as the fence.
 fn is_shut_in(search: &PathSearch<'_>, optimistic: &SearchGrid) -> bool {
@@ -514,7 +521,7 @@ mod tests {
                 search.small_things(SMALL_CELLS).len(),
                 usize::from(has_pole)
             );
-            doubts.toward_unseen(&search, search.reached_finely(&[])?, &[])
+            doubts.toward_unseen(&search, search.reached_finely(&[]), &[])
         };
         let mut doubts = Doubts::default();
         let look = look_of(&mut doubts, true).unwrap();
@@ -522,8 +529,8 @@ mod tests {
         doubts.note(Lattice::new(0.2), look.at, Point::new(3.0, 0.0));
         assert_eq!(
             look_of(&mut doubts, true),
-            None,
-            "it stays, and bars for good"
+            Err(0.0),
+            "it stays, and bars for good: what lies behind it cannot be reached"
         );
     }
 }

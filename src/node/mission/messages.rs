@@ -244,9 +244,9 @@ pub enum EndReason {
     BatteryLow,
     /// For too long it has neither come to a place of the mission nor seen anything new.
     Stalled,
-    /// It saw no way on, and most of the ground that it might reach, this share of it, is unseen.
+    /// It saw no way on, and more than a quarter of the ground with room to stand that it might reach is unseen.
     ShutIn {
-        /// Of that ground, percent.
+        /// How much of that ground nobody has seen and no known way leads to, percent.
         unseen_percent: u8,
     },
     /// It was never begun.

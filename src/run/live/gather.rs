@@ -85,7 +85,7 @@ pub fn outcome(
         missions,
         places: Vec::new(),
         persons: scenario.persons().to_vec(),
-        ways: scenario.ways(),
+        ways: scenario.ways(Time::from_nanos(world.now_ns)),
         outlines: scenario.outlines()?,
         counts: RunCounts {
             events: 0,

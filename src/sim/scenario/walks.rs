@@ -5,6 +5,7 @@ use crate::geom::Point;
 use crate::scene::{Person, Scene};
 use crate::sim::walking::{Walk, WalkingScene};
 use crate::sim::world::GROUND_CLEARANCE_M;
+use crate::time::Time;
 
 /// A walk is checked at places so far apart, metres.
 const CHECKED_EVERY_M: f64 = 0.1;
@@ -38,12 +39,12 @@ impl Scenario {
         Ok(())
     }
 
-    /// Returns for each person where it is at some time, at places a little apart; of one who stands still its only place.
-    pub fn ways(&self) -> Vec<Vec<Point>> {
+    /// Returns for each person where it has been until a moment, at places a little apart; of one who stands still its only place.
+    pub fn ways(&self, until: Time) -> Vec<Vec<Point>> {
         let of_file = self.sim.scene.persons.iter().map(Walk::of);
         let walks = of_file.chain(std::iter::repeat(None));
         let way = |(person, walk): (&Person, Option<Walk>)| match walk {
-            Some(walk) => walk.places(CHECKED_EVERY_M).collect(),
+            Some(walk) => walk.places_until(until, CHECKED_EVERY_M).collect(),
             None => vec![person.at],
         };
         self.persons.iter().zip(walks).map(way).collect()
@@ -91,7 +92,11 @@ mod tests {
         let text = bundled::load(name).unwrap();
         let sim = config::read_sim(name, &text, None, &mut loader)
             .unwrap_or_else(|problems| panic!("{problems}"));
-        let ways = Scenario::new(sim, Vec::new(), 1).unwrap().ways();
+        let scenario = Scenario::new(sim, Vec::new(), 1).unwrap();
+        let early = scenario.ways(Time::from_secs_f64(2.0));
+        let last = early[0].last().unwrap();
+        assert!(last.distance_to(Point::new(7.0, 5.0)) < 1e-9, "{last:?}");
+        let ways = scenario.ways(Time::from_secs_f64(600.0));
         let [walked, stood] = &ways[..] else {
             panic!("{ways:?}");
         };

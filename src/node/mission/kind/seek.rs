@@ -270,10 +270,8 @@ impl Seek {
         claims: &[Vec<Point>],
     ) -> MissionStep {
         let reached = reached.or_else(|| search.reached_finely(claims));
-        let unseen_share = Doubts::unseen_share(search, reached.as_ref());
-        let look = reached.and_then(|reached| self.doubts.toward_unseen(search, reached, claims));
-        match look {
-            Some(CloseLook { course, at }) => {
+        match self.doubts.toward_unseen(search, reached, claims) {
+            Ok(CloseLook { course, at }) => {
                 self.stage = Stage::Doubting(at);
                 match course {
                     Some(course) => MissionStep::GoAlong(course),
@@ -283,12 +281,12 @@ impl Seek {
                     }
                 }
             }
-            None => MissionStep::End(match unseen_share.unwrap_or(0.0) {
-                share if share > UNSEEN_SHARE => EndReason::ShutIn {
-                    unseen_percent: (100.0 * share) as u8,
-                },
-                _ => EndReason::Done,
-            }),
+            Err(unseen_share) if unseen_share > UNSEEN_SHARE => {
+                MissionStep::End(EndReason::ShutIn {
+                    unseen_percent: (100.0 * unseen_share) as u8,
+                })
+            }
+            Err(_) => MissionStep::End(EndReason::Done),
         }
     }
 
