@@ -356,8 +356,8 @@ impl Search<'_> {
             let room = self
                 .structure
                 .map_or(1.0, |structure| room_at(structure, one.target.at));
-            one.evidence = one.gain / self.correlation.overdispersion(&u) + 2.0 * libm::log(room);
-            one.evidence = one.evidence.max(0.0);
+            let evidence = one.gain / self.correlation.overdispersion(&u) + 2.0 * libm::log(room);
+            one.evidence = evidence.max(0.0);
         }
     }
 

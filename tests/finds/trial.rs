@@ -7,10 +7,7 @@ use std::time::Instant;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::Point;
 use tomoswarm::scene::{self, Up};
-use tomoswarm::sim::{FoundObject, RunOutcome, Scenario};
-
-/// A find this near to a person is that person, metres.
-const NEAR_M: f64 = 1.0;
+use tomoswarm::sim::{FoundObject, NEAR_M, RunOutcome, Scenario};
 
 /// Who stands there.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]

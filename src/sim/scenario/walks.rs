@@ -41,25 +41,29 @@ impl Scenario {
 
     /// Returns for each person where it has been until a moment, at places a little apart; of one who stands still its only place.
     pub fn ways(&self, until: Time) -> Vec<Vec<Point>> {
-        let of_file = self.sim.scene.persons.iter().map(Walk::of);
-        let walks = of_file.chain(std::iter::repeat(None));
         let way = |(person, walk): (&Person, Option<Walk>)| match walk {
             Some(walk) => walk.places_until(until, CHECKED_EVERY_M).collect(),
             None => vec![person.at],
         };
-        self.persons.iter().zip(walks).map(way).collect()
+        self.persons_with_walks().map(way).collect()
+    }
+
+    /// Returns everybody, each with a walk or without.
+    fn persons_with_walks(&self) -> impl Iterator<Item = (&Person, Option<Walk>)> {
+        // Those of the file come first; who is drawn from the seed stands still.
+        let of_file = self.sim.scene.persons.iter().map(Walk::of);
+        self.persons
+            .iter()
+            .zip(of_file.chain(std::iter::repeat(None)))
     }
 
     /// Returns the scene of those who walk; `None` when all stand still.
     pub(super) fn walking(&self) -> Option<WalkingScene> {
         let file = &self.sim.scene;
-        // Those of the file come first; who is drawn from the seed stands still.
-        let walks = file
-            .persons
-            .iter()
-            .map(Walk::of)
-            .chain(std::iter::repeat(None));
-        let persons: Vec<_> = self.persons.iter().cloned().zip(walks).collect();
+        let persons: Vec<_> = self
+            .persons_with_walks()
+            .map(|(person, walk)| (person.clone(), walk))
+            .collect();
         let radio = &self.sim.radio;
         persons
             .iter()
