@@ -66,6 +66,8 @@ mod outputs;
 mod page_process;
 #[cfg(feature = "net")]
 pub mod parameters;
+mod person_checks;
+mod person_search;
 mod pictures;
 pub mod plan;
 #[cfg(feature = "net")]
@@ -95,6 +97,8 @@ mod station_command;
 pub mod status;
 pub mod status_text;
 mod stop;
+#[cfg(feature = "net")]
+mod stored_run;
 #[cfg(feature = "net")]
 mod swarm_folder;
 mod table;

@@ -66,7 +66,7 @@ pub use drivers::{AutopilotDriver, Drivers, RadioDriver};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use experiment::{Axis, Experiment, MOST_RUNS};
 pub use fault::{FaultKind, FaultSpec, FaultWord, PlannedFault};
-pub use given_mission::GivenMission;
+pub use given_mission::{GivenMission, GivenSweep};
 pub use ground_file::{GroundFile, OperatorFile};
 pub use hcsr04_lines::HcSr04Lines;
 pub use imaging::{ImageTimes, Imaging, Prior, Solver, Weights};

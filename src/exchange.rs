@@ -23,6 +23,7 @@ pub mod joining;
 pub mod plausibility;
 pub mod presence;
 pub mod restarts;
+pub mod sequences;
 pub mod table;
 pub mod token_bucket;
 

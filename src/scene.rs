@@ -16,6 +16,7 @@ mod primitive;
 mod view;
 mod vrml;
 mod vrml_extrusion;
+mod vrml_fields;
 mod vrml_geometry;
 mod vrml_grid;
 mod vrml_parse;

@@ -41,7 +41,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "actor" => joined(&[L0, L1]),
         "stops" | "autopilot" => joined(&[L0, &["actor"]]),
         "node" => joined(&[L0, L1, &["actor", "stops", "autopilot"]]),
-        "ground" => joined(&[L0, L1, &["actor", "stops", "node"]]),
+        "ground" => joined(&[L0, L1, &["actor", "stops", "exchange", "node"]]),
         "exchange" => joined(&[L0]),
         "hw" => joined(&[L0, &["config", "node"]]),
         "mavlink" => joined(&[L0, &["autopilot"]]),

@@ -205,6 +205,10 @@ export class BeginPanel {
     return inputs.filter((input) => input.value.trim() !== "").map((input) => `${input.name}=${input.value.trim()}`);
   }
 
+  endsRun() {
+    return document.getElementById("end-run").checked;
+  }
+
   compareWith() {
     return this.compared === "" ? null : Number(this.compared);
   }
@@ -214,6 +218,7 @@ export class BeginPanel {
     const run = this.compareWith();
     const parts = ["tomoswarm order CONFIG start", ...ids, `--mission ${this.kind.value}`, ...this.set().map((set) => `--set '${set}'`)];
     if (run !== null) parts.push(`--compare-with ${run}`);
+    if (this.endsRun()) parts.push("--end-run");
     document.getElementById("begin-command").textContent = parts.join(" ");
     document.getElementById("compare-hint").textContent = run === null
       ? "An empty run: nobody may stand in the area while it is measured. Later runs can be compared with it."
@@ -221,13 +226,14 @@ export class BeginPanel {
   }
 
   async give() {
-    const mission = { kind: this.kind.value, set: this.set(), compare_with: this.compareWith() };
+    const mission = { kind: this.kind.value, set: this.set(), compare_with: this.compareWith(), end_run: this.endsRun() };
     if (this.fileText !== null) mission.file = this.fileText;
     const number = await post({ order: "start", vehicles: [...this.fleet.selected], mission });
     document.getElementById("begin-result").textContent = number === null
       ? document.getElementById("stop-result").textContent
       : `Order ${number} is given; how it fares stands under Orders.`;
     if (number === null) return;
+    document.getElementById("end-run").checked = false;
     this.clearSketch();
     say(`The mission ${mission.kind} is given.`, "given");
   }

@@ -1,9 +1,11 @@
-// The table of vehicles, the ground station, and which vehicles are selected. Texts of nodes are set as text only.
+// The table of vehicles, the ground station, and which vehicles are selected. Texts of nodes are set as text only. What troubles a
+// vehicle stands whole in a row of its own below the vehicle's, as wide as the table; that one names it to a screen reader, too.
 
 import { setText } from "./pace.js";
 import { say } from "./stop.js";
 
 const TYPED_WITHIN_MS = 800;
+const COLUMNS = 9;
 /** A ground station that says nothing for so long is silent. */
 export const GROUND_SILENT_MS = 5000;
 
@@ -62,9 +64,10 @@ export class Fleet {
 
   show(now_ms) {
     const ids = this.model.ids();
-    for (const [id, row] of this.rows) {
+    for (const [id, { row, troubles }] of this.rows) {
       if (ids.includes(id)) continue;
       row.remove();
+      troubles.remove();
       this.rows.delete(id);
     }
     for (const id of ids) if (!this.rows.has(id)) this.addRow(id);
@@ -80,23 +83,27 @@ export class Fleet {
     const head = document.createElement("th");
     head.scope = "row";
     row.append(head);
-    for (let i = 0; i < 8; i++) row.append(document.createElement("td"));
-    row.addEventListener("click", () => this.toggle(id));
+    for (let i = 1; i < COLUMNS; i++) row.append(document.createElement("td"));
+    const troubles = troublesRow(id);
+    row.setAttribute("aria-describedby", troubles.firstChild.id);
+    for (const of of [row, troubles]) of.addEventListener("click", () => this.toggle(id));
     row.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && !event.repeat) this.toggle(id);
     });
     const after = [...this.body.children].find((other) => Number(other.dataset.vehicle) > id);
     this.body.insertBefore(row, after ?? null);
-    this.rows.set(id, row);
+    row.after(troubles);
+    this.rows.set(id, { row, troubles });
   }
 
   showRow(id, now_ms) {
-    const row = this.rows.get(id);
+    const { row, troubles } = this.rows.get(id);
     const state = this.model.states.get(id);
     const vehicle = this.model.vehicles.get(id) ?? {};
     const health = vehicle.health;
     const isSilent = this.model.isSilent(id, now_ms);
     const age_s = state ? (now_ms - state.at_ms) / 1000 : null;
+    const wrong = troublesOf(vehicle);
     const texts = [
       `${shape(state, isSilent)} ${id}`,
       isSilent ? (state ? `silent for ${age_s.toFixed(0)} s` : "not heard") : this.doing(state),
@@ -106,17 +113,19 @@ export class Fleet {
       age_s === null ? "–" : `${age_s.toFixed(1)} s`,
       state?.waiting == null ? "–" : String(state.waiting),
       health ? health.hears.join(", ") || "nobody" : "–",
-      troublesText(vehicle),
+      wrong.length ? String(wrong.length) : "none",
     ];
     texts.forEach((text, column) => {
       const cell = row.children[column];
       setText(cell, text);
     });
     const [red, green, blue] = this.model.colourOf(id);
-    row.children[0].style.borderLeftColor = `rgb(${red}, ${green}, ${blue})`;
+    setText(troubles.firstChild, wrong.join("\n"));
+    troubles.hidden = wrong.length === 0;
+    for (const of of [row, troubles]) of.firstChild.style.borderLeftColor = `rgb(${red}, ${green}, ${blue})`;
     row.classList.toggle("silent", isSilent);
     row.classList.toggle("stopped", state?.standsUnder === 1);
-    row.classList.toggle("troubled", texts[8] !== "none");
+    row.classList.toggle("troubled", wrong.length > 0);
     row.setAttribute("aria-selected", this.selected.has(id) ? "true" : "false");
   }
 
@@ -162,8 +171,21 @@ function missionText(mission) {
   return [mission.kind, end, share, mission.isAtHome ? "at home" : ""].filter(Boolean).join(" ");
 }
 
-function troublesText(vehicle) {
+/** The row that says what troubles a vehicle. */
+function troublesRow(id) {
+  const row = document.createElement("tr");
+  row.className = "troubles";
+  row.hidden = true;
+  row.setAttribute("aria-label", `troubles of vehicle ${id}`);
+  const cell = document.createElement("td");
+  cell.colSpan = COLUMNS;
+  cell.id = `troubles-${id}`;
+  row.append(cell);
+  return row;
+}
+
+function troublesOf(vehicle) {
   const all = [vehicle.misfit, ...(vehicle.health?.troubles ?? [])].filter(Boolean);
   const steered = vehicle.control && vehicle.control !== "this software" ? [`steered by ${vehicle.control}`] : [];
-  return [...steered, ...all].join("; ") || "none";
+  return [...steered, ...all];
 }

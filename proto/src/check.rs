@@ -32,7 +32,7 @@ const LIST_MAX: usize = 1024;
 /// Samples of a message at most.
 const SAMPLES_MAX: usize = 1024;
 /// Ranges of lost samples at most.
-const LOST_MAX: usize = 64;
+pub const LOST_MAX: usize = 64;
 /// Watermarks of a store at most.
 const MARKS_MAX: usize = 4096;
 /// Troubles named at most, and the bytes of each.

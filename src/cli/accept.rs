@@ -163,7 +163,7 @@ impl AcceptArgs {
         let is_same = merged.files == own_files;
         if is_same && is_as_replaced(&self.into, &new, owner).is_ok_and(|is_right| is_right) {
             let mut text = format!("{about}: is here already\n");
-            text += &remarks(&left, owner);
+            text += &remarks(&left, owner, node.sender);
             return Ok((node.sender, text));
         }
         let former = replace_folder(&self.into, &new, owner)
@@ -171,10 +171,10 @@ impl AcceptArgs {
         let mut text = match is_same {
             false => format!("{} is now that of {about}\n", self.into.display()),
             true => format!(
-                "{about}: was here already, and its files have the owner and the modes now that its service needs\n"
+                "{about}: was here already, and its files have the owner and the modes now that they need\n"
             ),
         };
-        text += &remarks(&left, owner);
+        text += &remarks(&left, owner, node.sender);
         if let Some(former) = former {
             text += &format!("the former folder is kept in {}\n", former.display());
         }
@@ -428,8 +428,9 @@ fn names_in(folder: &Path) -> Result<Vec<String>, CliError> {
     Ok(names)
 }
 
-/// Returns what else is to be said: what was brought in vain, and that the services' user is missing.
-fn remarks(left: &[String], owner: Option<Owner>) -> String {
+/// Returns what else is to be said: what was brought in vain, and that the services' user is missing. An operator has no
+/// service: its files are for whoever runs its commands.
+fn remarks(left: &[String], owner: Option<Owner>, node: Sender) -> String {
     let mut text = String::new();
     if !left.is_empty() {
         text += &format!(
@@ -438,9 +439,14 @@ fn remarks(left: &[String], owner: Option<Owner>) -> String {
         );
     }
     if owner.is_none() && rustix::process::geteuid().is_root() {
-        text += &format!(
-            "there is no user {USER}, so its service could not read this: install the package, then accept it again\n"
-        );
+        text += &match service(node) {
+            Some(_) => format!(
+                "there is no user {USER}, so its service could not read this: install the package, then accept it again\n"
+            ),
+            None => format!(
+                "there is no user {USER}, so only root can read this: run its commands as root, or accept it as who runs them\n"
+            ),
+        };
     }
     text
 }
@@ -551,7 +557,13 @@ mod tests {
         let names: Vec<&String> = files.keys().collect();
         assert_eq!(names, ["key.pem", "mavlink.key", "vehicle.toml"]);
         assert_eq!(left, ["photo.jpg", "places"]);
-        assert!(remarks(&left, None).contains("no configuration names it: photo.jpg, places\n"));
+        let text = remarks(
+            &left,
+            None,
+            Sender::Operator(tomoswarm_proto::OperatorId(1)),
+        );
+        assert!(text.contains("no configuration names it: photo.jpg, places\n"));
+        assert!(!text.contains("service"), "an operator has none: {text}");
         for name in ["ca.pem", "mavlink.key"] {
             // It may be there already.
             let _ = std::fs::remove_file(folder.path().join(name));

@@ -10,9 +10,11 @@ use super::check_devices::DeviceArgs;
 use super::describe::{Line, describe};
 use super::error::CliError;
 use super::experiment;
-use super::image::{bounds, read_file};
+use super::image::{bounds, read_file, read_with};
 use super::load;
+use super::person_checks;
 use super::read;
+use super::true_places::{self, TruePlaces, read_places};
 use crate::config::{self, Config, SceneFile, Up};
 use crate::scene::VrmlScene;
 use crate::sim::staging;
@@ -28,7 +30,8 @@ const NAMES_SHOWN: usize = 30;
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct CheckArgs {
-    /// Files to check, or - for a configuration from standard input: .toml (venue, scene, sim, vehicle, ground, operator, experiment), .wrl (shapes), .csv and .json (recordings)
+    /// Files to check, or - for a configuration from standard input: .toml (venue, scene, sim, vehicle, ground, operator,
+    /// experiment), .wrl (shapes), .csv (links, samples, marks) and .json (recordings)
     #[arg(required_unless_present = "keys", value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Print the tables of all keys, as they stand in configs/README.md
@@ -59,7 +62,7 @@ enum Kind {
     Config,
     /// Shapes (VRML97).
     Shapes,
-    /// Links or a recording.
+    /// Links, a recording, or where persons stood.
     Recording,
 }
 
@@ -101,7 +104,10 @@ impl CheckArgs {
 #[cfg(feature = "hw")]
 impl CheckArgs {
     fn ask_devices(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let asked = self.files.iter().map(|path| self.devices.run(path, out));
+        let asked = self.files.iter().map(|path| {
+            read::check_regular(path)?;
+            self.devices.run(path, out)
+        });
         let wrong: Vec<CliError> = asked.filter_map(Result::err).collect();
         match wrong.is_empty() {
             true => Ok(()),
@@ -147,7 +153,9 @@ fn understand(path: &Path) -> Result<String, CliError> {
     if path == Path::new(read::STANDARD_INPUT) {
         return understand_config(path, &read::standard_input()?);
     }
-    match kind_of(path)? {
+    let kind = kind_of(path)?;
+    read::check_regular(path)?;
+    match kind {
         Kind::Config => understand_config(path, &read::text(path)?),
         Kind::Shapes => understand_shapes(path),
         Kind::Recording => understand_recording(path),
@@ -163,11 +171,17 @@ fn understand_config(path: &Path, text: &str) -> Result<String, CliError> {
         Config::Sim(sim) => {
             let shapes = load::shapes_of(&sim.scene, loader)?;
             shapes_said = shapes_lines(&shapes);
-            load::scenario(
+            let scenario = load::scenario(
                 load::LoadedSimulation::new(*sim.clone(), shapes),
                 Some(path),
                 None,
             )?;
+            let warnings = person_checks::warnings(&scenario);
+            let warnings = warnings.map_err(|error| CliError::Input {
+                path: path.to_owned(),
+                reason: error.to_string(),
+            })?;
+            shapes_said.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         }
         Config::Scene(scene) => {
             let shapes = load::shapes_of(scene, loader)?;
@@ -263,8 +277,15 @@ fn names_line(scene: &VrmlScene) -> String {
 }
 
 fn understand_recording(path: &Path) -> Result<String, CliError> {
+    if true_places::is_list(&read::text(path)?) {
+        return understand_places(path);
+    }
     let recording = read_file(path)?;
     let unit = recording.unit.word();
+    let what = match recording.is_of_samples {
+        true => "samples",
+        false => "links",
+    };
     let packets: u64 = recording
         .links
         .iter()
@@ -272,13 +293,28 @@ fn understand_recording(path: &Path) -> Result<String, CliError> {
         .sum();
     let area = bounds(recording.links.iter());
     Ok(format!(
-        "{}: a recording\n  links        {} of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
+        "{}: a recording\n  {what:<12} {}, of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
         path.display(),
         recording.links.len(),
         area.min.x_m,
         area.max.x_m,
         area.min.y_m,
         area.max.y_m
+    ))
+}
+
+/// Reads where persons truly stood: the marks of a run, or a list by hand.
+fn understand_places(path: &Path) -> Result<String, CliError> {
+    let TruePlaces { run, places } = read_with(path, &mut Vec::new(), read_places)?;
+    let of_run = run.map_or(String::new(), |run| format!(", marks of run {run}"));
+    let lines: String = places
+        .iter()
+        .map(|at| format!("  stood at     x {:.2}, y {:.2}\n", at.x_m, at.y_m))
+        .collect();
+    Ok(format!(
+        "{}: where persons truly stood{of_run}, for `tomoswarm image --marks`\n  places       {}\n{lines}",
+        path.display(),
+        places.len()
     ))
 }
 
@@ -313,6 +349,63 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} is missing in:\n{text}");
         }
+    }
+
+    #[test]
+    fn marks_that_were_exported_are_described_and_refused_with_their_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run-3-marks.csv");
+        let text =
+            "# made by tomoswarm\nrun,x_m,y_m,z_m,marked\n3,3.2,7.5,0,2026-05-01T10:00:00Z\n";
+        std::fs::write(&path, text).unwrap();
+        let (told, result) = run(&[path.to_str().unwrap()]);
+        assert!(result.is_ok(), "{result:?}");
+        for part in [
+            "truly stood, marks of run 3",
+            "places       1",
+            "x 3.20, y 7.50",
+        ] {
+            assert!(told.contains(part), "{part} is missing in:\n{told}");
+        }
+        std::fs::write(&path, text.replace("7.5", "north")).unwrap();
+        let refused = run(&[path.to_str().unwrap()]).1.unwrap_err().to_string();
+        assert!(
+            refused.contains("run-3-marks.csv:3: found \"north\""),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn persons_where_nobody_is_found_are_warned_of_and_not_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path.display().to_string()
+        };
+        put(
+            "a.venue.toml",
+            "kind = \"venue\"\nname = \"yard\"\narea_m = [0.0, 0.0, 6.0, 6.0]\n\
+             fence_m = [[-2.5, -2.5], [8.5, -2.5], [8.5, 8.5], [-2.5, 8.5]]\nhomes_m = [[-1.2, 3.0], [7.2, 3.0]]\n\
+             [datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n",
+        );
+        put(
+            "a.scene.toml",
+            "kind = \"scene\"\nname = \"yard\"\n[[object]]\nname = \"block\"\n\
+             outline_m = [[2.5, 1.5], [3.5, 1.5], [3.5, 4.5], [2.5, 4.5]]\n\
+             [[person]]\nat_m = [3.0, 3.0]\n[[person]]\nat_m = [5.0, 3.0]\n",
+        );
+        let sim = put(
+            "a.sim.toml",
+            "kind = \"sim\"\nvenue = \"a.venue.toml\"\nscene = \"a.scene.toml\"\n",
+        );
+        let (text, result) = run(&[&sim]);
+        assert!(result.is_ok(), "{result:?}");
+        assert!(
+            text.contains("#   warning      person person-1 at (3.00, 3.00) m stands inside block"),
+            "{text}"
+        );
+        assert!(!text.contains("person-2 at"), "{text}");
     }
 
     #[test]

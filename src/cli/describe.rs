@@ -7,6 +7,7 @@ use crate::config::{
 };
 use crate::geom::without_dust;
 use crate::plan::{ContactLimits, SmallestPost};
+use crate::sim::narrowest_gap_m;
 
 /// The most vehicles that a sweep is planned for.
 const SWEEPING: std::ops::RangeInclusive<usize> = 2..=8;
@@ -86,6 +87,13 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
         sim.contact_limits(),
         sim.smallest_post(),
         sim.vehicles.body.max_speed_mps,
+    ));
+    list.push((
+        "gaps",
+        format!(
+            "of {:.2} m and more, in which nothing moves, a vehicle passes for sure; narrower ones perhaps",
+            narrowest_gap_m(sim)
+        ),
     ));
     list.push((
         "beacons",
@@ -213,6 +221,15 @@ mod tests {
         assert!(
             found.contains(expected),
             "{expected} is missing in:\n{found}"
+        );
+    }
+
+    #[test]
+    fn it_says_how_narrow_a_gap_may_be() {
+        // More than 2 x (0.25 + 0.1 + 2 x 0.05 + 0.75 x 0.2) m, by the defaults.
+        check(
+            "",
+            "  gaps         of 1.21 m and more, in which nothing moves, a vehicle passes for sure",
         );
     }
 

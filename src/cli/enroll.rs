@@ -225,6 +225,19 @@ impl EnrollArgs {
                 &node.hosts,
             );
         }
+        let is_vehicle = |node: &NewNode| matches!(node.name.node, Sender::Vehicle(_));
+        if new.iter().any(is_vehicle)
+            && !is_new(Sender::Ground)
+            && next.of(Sender::Ground).is_some()
+        {
+            let vehicles: Vec<String> =
+                vehicles_of(&next).iter().map(ToString::to_string).collect();
+            said += &format!(
+                "the ground station plans for who is in its file: on its machine write\n  vehicles = [{}]\n\
+                 into its ground.toml, and start it anew\n",
+                vehicles.join(", ")
+            );
+        }
         Ok(said + &roster_advice(&swarm, &next, is_new))
     }
 

@@ -11,11 +11,13 @@ use super::earth::{extend_track, world_file};
 use super::error::CliError;
 use super::export_target::ExportTarget;
 use super::folder::OutputFolder;
+use super::imaging_comments::comments;
 use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
 use super::samples_csv::sample_line;
+use super::stored_run;
 use super::true_places::{Named, circles};
-use crate::config::{self, Config, Venue};
+use crate::config::{self, Config, LinksFile, Venue};
 use crate::dash::geojson::{Features, MadeImage};
 use crate::dash::run_files::MARKS_HEADER;
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement, described};
@@ -55,7 +57,8 @@ pub struct ExportArgs {
 const AFTER_HELP: &str = "\
 Files, N being the run:
   run-N-samples.csv    every beacon heard or missed, with UTC and its error where known
-  run-N-links.csv      pooled links, as `tomoswarm image` reads them
+  run-N-links.csv      pooled links as they were measured; `tomoswarm image` reads both, and images them as the ground
+                       station has: above their columns stand area, sensitivity and [imaging] of its file
   run-N-marks.csv      where somebody truly stood (`tomoswarm order FILE mark X,Y`), where that was marked
   run-N-KIND.npy .png  the newest picture of each kind: change (since the empty sweep) or structure
   map.png              what the range sensors saw
@@ -93,10 +96,16 @@ impl ExportArgs {
     }
 }
 
+/// What is said of a run whose tables do not say how it is to be imaged.
+const NO_SETTINGS: &str = "  this version cannot read the ground station's file in the store: \
+     the tables do not say how it imaged the run\n";
+
 /// What is exported of a store.
 pub(super) struct Export {
     store: GroundStore,
     runs: Vec<StoredRun>,
+    /// Runs of which nothing is known but marks.
+    only_marked: Vec<RunId>,
     starts: Vec<Provenance>,
     venue: Venue,
     venue_text: String,
@@ -116,28 +125,26 @@ impl Export {
     /// The store cannot be read, or the run is not in it.
     pub(super) fn of(path: &Path, run: Option<u32>) -> Result<Export, CliError> {
         let store = GroundStore::open_to_read(path)?;
-        let runs = chosen(path, run, store.runs()?)?;
+        let mut runs = store.runs()?;
+        let mut only_marked = store.marked_runs()?;
+        only_marked.retain(|marked| runs.iter().all(|run| run.run != *marked));
+        if let Some(run) = run {
+            only_marked.retain(|marked| *marked == RunId(run));
+            runs = match only_marked.is_empty() {
+                true => vec![stored_run::run_of(path, &runs, run)?],
+                false => Vec::new(),
+            };
+        }
         let starts = store.provenance()?;
         let (venue, venue_text) = venue_of(path, &starts)?;
         Ok(Export {
             store,
             runs,
+            only_marked,
             starts,
             venue,
             venue_text,
         })
-    }
-
-    /// Returns the side of the bins in which the ground station pooled the links of a run, metres: by its file at the start in
-    /// which the run began.
-    fn bin_m(&self, run: RunId) -> f64 {
-        let stored = self.runs.iter().find(|stored| stored.run == run);
-        let is_before = |start: &&Provenance| {
-            stored.is_none_or(|stored| start.started_utc_s <= stored.began_utc_s)
-        };
-        // The newest stand first.
-        let start = self.starts.iter().find(is_before).or(self.starts.last());
-        start.and_then(bin_of).unwrap_or(BIN_M)
     }
 
     /// Writes all files that are wanted; returns what there is to say of the runs.
@@ -154,12 +161,24 @@ impl Export {
         };
         let mut lines = String::new();
         for run in &self.runs {
-            let samples = self.write_run(target, run.run, &mut gathered)?;
+            let imaging = stored_run::imaging_of(run, &self.starts);
+            let samples = self.write_run(target, (run.run, imaging.as_ref()), &mut gathered)?;
             let features = &mut gathered.features;
             let marks = write_marks(target, self, run.run, features)?;
             let (images, errors) = write_images(target, self, (run.run, &marks), features)?;
-            lines += &format!("run {}: {samples} samples, {images} pictures\n", run.run);
+            lines += &format!(
+                "run {}: {samples} samples, {images} pictures{}\n",
+                run.run,
+                count_of(&marks)
+            );
+            if imaging.is_none() {
+                lines += NO_SETTINGS;
+            }
             lines += &errors;
+        }
+        for run in &self.only_marked {
+            let marks = write_marks(target, self, *run, &mut gathered.features)?;
+            lines += &format!("run {run}: no samples{}\n", count_of(&marks));
         }
         let Gathered { features, tracks } = gathered;
         if has_map {
@@ -191,11 +210,12 @@ impl Export {
         )
     }
 
-    /// Writes samples and links of a run, and gathers its tracks; returns how many samples there are, of those that were read.
+    /// Writes samples and links of a run with how it was imaged, and gathers its tracks; returns how many samples there are, of
+    /// those that were read.
     fn write_run(
         &self,
         target: &mut dyn ExportTarget,
-        run: RunId,
+        (run, imaging): (RunId, Option<&LinksFile>),
         gathered: &mut Gathered,
     ) -> Result<usize, CliError> {
         let names = ["samples", "links"].map(|kind| format!("run-{run}-{kind}.csv"));
@@ -205,8 +225,8 @@ impl Export {
             return Ok(0);
         }
         let origin = self.origin(Some(run));
-        let mut text = format!("# {origin}\n{SAMPLES_HEADER}\n");
-        let bin_m = self.bin_m(run);
+        let mut text = format!("# {origin}\n{}{SAMPLES_HEADER}\n", comments(imaging));
+        let bin_m = imaging.map_or(BIN_M, |file| file.imaging.bin_m);
         let mut bins = LinkBins::new(bin_m, SPOT_M);
         let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
         let mut count = 0;
@@ -235,7 +255,11 @@ impl Export {
             target.write(&names[0], text.as_bytes())?;
         }
         if has_links {
-            let links = links_csv(&bins.measured_links(), None);
+            let as_measured = imaging.map(|file| LinksFile {
+                as_measured: true,
+                ..file.clone()
+            });
+            let links = links_csv(&bins.measured_links(), as_measured.as_ref());
             let text = format!("# {origin}, in squares of {bin_m} m\n{links}");
             target.write(&names[1], text.as_bytes())?;
         }
@@ -250,34 +274,6 @@ impl Export {
         }
         Ok(count)
     }
-}
-
-fn chosen(
-    path: &Path,
-    wanted: Option<u32>,
-    runs: Vec<StoredRun>,
-) -> Result<Vec<StoredRun>, CliError> {
-    let Some(wanted) = wanted else {
-        return Ok(runs);
-    };
-    let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
-    let chosen: Vec<StoredRun> = runs
-        .into_iter()
-        .filter(|run| run.run == RunId(wanted))
-        .collect();
-    if chosen.is_empty() {
-        let known = if known.is_empty() {
-            "no runs".to_owned()
-        } else {
-            format!("runs {}", known.join(", "))
-        };
-        let reason = format!("holds no run {wanted}; it holds {known}");
-        return Err(CliError::Input {
-            path: path.to_owned(),
-            reason,
-        });
-    }
-    Ok(chosen)
 }
 
 /// Returns the venue as the ground station read it last.
@@ -300,24 +296,6 @@ fn venue_of(path: &Path, starts: &[Provenance]) -> Result<(Venue, String), CliEr
     }
 }
 
-/// Returns the bins in which the ground station pooled links at one of its starts, metres; `None` where this version cannot
-/// read its file.
-fn bin_of(start: &Provenance) -> Option<f64> {
-    let mut venue = |_: &str| Ok(start.venue.clone());
-    match config::read("the ground station's file", &start.config, &mut venue) {
-        Ok(Config::Ground(file)) => Some(file.imaging.bin_m),
-        Ok(
-            Config::Venue(_)
-            | Config::Scene(_)
-            | Config::Sim(_)
-            | Config::Experiment(_)
-            | Config::Vehicle(_)
-            | Config::Operator(_),
-        )
-        | Err(_) => None,
-    }
-}
-
 /// Returns the run whose file has a name; `None` = that is not the name of a file of one run.
 fn run_of(name: &str) -> Option<u32> {
     let (number, kind) = name.strip_prefix("run-")?.split_once('-')?;
@@ -327,6 +305,14 @@ fn run_of(name: &str) -> Option<u32> {
         .is_some_and(|(stem, ending)| is_kind(stem) && matches!(ending, "npy" | "png" | "pgw"));
     let is_ours = is_picture || matches!(kind, "samples.csv" | "links.csv" | "marks.csv");
     number.parse().ok().filter(|_| is_ours)
+}
+
+/// Returns how many marks there are, as it stands behind what else there is of a run; nothing of none.
+fn count_of(marks: &[StoredMark]) -> String {
+    match marks.len() {
+        0 => String::new(),
+        count => format!(", {count} marks"),
+    }
 }
 
 /// Writes where somebody truly stood in a run, if that was marked, and returns it.
@@ -512,6 +498,7 @@ fn about(store: &GroundStore, runs: &[StoredRun], starts: &[Provenance]) -> Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Imaging;
     use crate::draw::tests_support::decoded;
     use crate::geom::{PixelGrid, Rect};
     use crate::ground::imager::{ImageStage, ReconstructedImage as Made, Subject};
@@ -633,7 +620,8 @@ mod tests {
         make_store(&store);
         let text = export(&store, &out, None).unwrap();
         assert!(
-            text.contains("run 1: 10 samples, 0 pictures\nrun 2: 10 samples, 1 pictures"),
+            text.contains("run 1: 10 samples, 0 pictures\n")
+                && text.contains("run 2: 10 samples, 1 pictures\n"),
             "{text}"
         );
         let all = listed(&out);
@@ -719,6 +707,37 @@ mod tests {
     }
 
     #[test]
+    fn marks_are_written_also_of_a_run_of_which_there_is_nothing_else() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        let start = Start {
+            venue: bundled_venue(),
+            ..Start::default()
+        };
+        let mut written = GroundStore::open(&store, &start).unwrap();
+        for run in [1, 7].map(RunId) {
+            let (at, stands) = (Position::from_metres(3.0, 4.0, 0.0), true);
+            written.keep_mark(Mark { run, at, stands }).unwrap();
+        }
+        let text = export(&store, &out, None).unwrap();
+        for line in [
+            "run 1: 10 samples, 0 pictures, 1 marks\n",
+            "run 7: no samples, 1 marks\n",
+        ] {
+            assert!(text.contains(line), "{text}");
+        }
+        assert!(out.join("run-7-marks.csv").is_file());
+        let alone = root.path().join("alone");
+        assert!(
+            export(&store, &alone, Some(7))
+                .unwrap()
+                .starts_with("run 7: no samples, 1 marks\n")
+        );
+        assert!(alone.join("run-7-marks.csv").is_file() && !alone.join("run-1-marks.csv").exists());
+    }
+
+    #[test]
     fn links_are_pooled_in_the_bins_of_the_ground_station() {
         let root = tempfile::tempdir().unwrap();
         let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
@@ -729,6 +748,69 @@ mod tests {
         // Ten places, a metre apart; the first one is alone in its bin, whose middle it is.
         let recording = super::super::image::read_file(&out.join("run-2-links.csv")).unwrap();
         assert_eq!(recording.links.len(), 6);
+    }
+
+    #[test]
+    fn a_stored_run_and_what_is_written_of_it_are_imaged_as_the_ground_station_has() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        let file = include_str!("../../configs/courtyard.ground.toml");
+        let imaging =
+            "[radio]\nsensitivity_dbm = -101.0\n\n[imaging]\npixels = [24, 12]\nmin_link_m = 2.5\n";
+        make_store_of(&store, &file.replace("[imaging]\n", imaging));
+        let text = export(&store, &out, Some(2)).unwrap();
+        assert!(!text.contains("cannot read"), "{text}");
+        let read = |path: &Path| super::super::image::read_file(path).unwrap();
+        let stored = read(&root.path().join("swarm.db:2")).imaging.unwrap();
+        let Imaging {
+            pixels, min_link_m, ..
+        } = stored.imaging;
+        assert_eq!((pixels, min_link_m), (Some((24, 12)), 2.5));
+        assert_eq!(stored.reception.sensitivity_dbm, -101.0);
+        assert_eq!(
+            stored.area,
+            Rect::new(Point::default(), Point::new(20.0, 20.0))
+        );
+        let samples = read(&out.join("run-2-samples.csv"));
+        assert_eq!(samples.imaging.as_ref(), Some(&stored));
+        let links = read(&out.join("run-2-links.csv"));
+        assert!(!links.is_without_offsets && links.pooled_in_m == Some(stored.imaging.bin_m));
+        let as_measured = LinksFile {
+            as_measured: true,
+            ..stored
+        };
+        assert_eq!(links.imaging, Some(as_measured));
+    }
+
+    #[test]
+    fn a_store_whose_ground_station_has_no_file_that_can_be_read_is_written_without_settings() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        let text = export(&store, &out, None).unwrap();
+        assert_eq!(
+            text.matches("do not say how it imaged").count(),
+            2,
+            "{text}"
+        );
+        let read = |path: &Path| super::super::image::read_file(path).unwrap().imaging;
+        assert_eq!(read(&out.join("run-2-samples.csv")), None);
+        assert_eq!(read(&root.path().join("swarm.db:2")), None);
+    }
+
+    #[test]
+    fn a_store_without_a_run_is_refused_with_the_runs_that_it_holds() {
+        let root = tempfile::tempdir().unwrap();
+        let store = root.path().join("swarm.db");
+        make_store(&store);
+        let refused = super::super::image::read_file(&store)
+            .unwrap_err()
+            .to_string();
+        let expected = format!(
+            "holds runs 1, 2; name the run that is meant, such as {}:2",
+            store.display()
+        );
+        assert!(refused.ends_with(&expected), "{refused}");
     }
 
     #[test]

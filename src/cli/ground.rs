@@ -8,7 +8,9 @@ use std::path::PathBuf;
 use super::describe::{Line, describe};
 use super::error::CliError;
 #[cfg(feature = "dash")]
-use super::page_process::PageProcess;
+use super::operator::OperatorContext;
+#[cfg(feature = "dash")]
+use super::page_process::{PageFiles, PersistentPage};
 use super::shown_swarm::ShownSwarm;
 use super::stop::StopFlag;
 use super::vehicle::{
@@ -69,6 +71,7 @@ Examples:
   tomoswarm ground ground.toml --dash operator.toml           a browser shows it; without the ground station, too
 
 Ctrl-C ends the page of --dash as well; whatever else ends the ground station leaves it, since it can stop the vehicles.
+A page that cannot begin (one that is left has its port) is no reason not to begin: it is warned of and tried again.
 
 Exit codes: 0 ended when asked; 1 a fault, or it cannot begin now (a full disk, a port or store in use): start it anew;
 2 bad usage, file, certificate or store, or refused: another venue, another version of the wire.";
@@ -92,6 +95,11 @@ impl GroundArgs {
         let mut file: GroundFile = config::read_ground(&name, &text, &mut loader)?;
         file.take_over |= self.take_over;
         let shown = self.mavlink.as_deref().map(ShownSwarm::read).transpose()?;
+        #[cfg(feature = "dash")]
+        self.dash
+            .as_deref()
+            .map(OperatorContext::read)
+            .transpose()?;
         if self.check {
             let further: Vec<Line> = shown.iter().map(ShownSwarm::line).collect();
             let text = describe(&name, &Config::Ground(Box::new(file)), &further);
@@ -134,12 +142,20 @@ impl GroundArgs {
 
 #[cfg(feature = "dash")]
 impl GroundArgs {
+    /// Starts the page, if it is wanted. One that cannot begin is tried again: the ground station goes on without it.
     fn start_page(
         &self,
         store: &Path,
         out: &mut dyn Write,
-    ) -> Result<Option<PageProcess>, CliError> {
-        let start = |file: &PathBuf| PageProcess::start((file, store), self.port, out);
+    ) -> Result<Option<PersistentPage>, CliError> {
+        let start = |file: &PathBuf| {
+            let files = PageFiles {
+                operator_file: file.clone(),
+                store: store.to_owned(),
+                port: self.port,
+            };
+            PersistentPage::start(files, out)
+        };
         self.dash.as_ref().map(start).transpose()
     }
 }

@@ -176,12 +176,12 @@ mod tests {
         };
         LinksFile {
             area: AREA,
+            as_measured: false,
             reception: Reception {
                 sensitivity_dbm: -91.0,
             },
             imaging: Imaging {
-                columns: 50,
-                rows: 30,
+                pixels: Some((50, 30)),
                 weights: Weights::InverseArea,
                 width_m: 0.45,
                 solver: Solver::Auto,

@@ -15,55 +15,68 @@ const SHARES_SHOWN: usize = 5;
 /// Returns who was found, in lines; or the best place, which is no find. No deviation is shown that is larger than the `area`,
 /// since a person stands in it.
 fn finds_in_words(finds: &Finds, settings: &FindSettings, area: Rect, unit: &str) -> String {
-    let place = |find: &Find| {
-        let [xx, _, yy] = find.covariance_m2;
-        format!(
-            "({:.2} ± {:.2}, {:.2} ± {:.2}) {unit}: {:.1} dB/{unit}, evidence {:.1}",
-            find.at.x_m,
-            xx.sqrt().min(area.width_m()),
-            find.at.y_m,
-            yy.sqrt().min(area.height_m()),
-            find.strength,
-            find.evidence
-        )
-    };
     let found = finds.found.iter();
     let text: String = found
-        .map(|find| format!("found at {}\n", place(find)))
+        .map(|find| format!("found at {}\n", place_in_words(find, area, unit)))
         .collect();
+    match unfound_in_words(finds, settings, area, unit) {
+        Some(unfound) => format!("{text}{unfound}\n"),
+        None => text,
+    }
+}
+
+/// Returns in words who is there and cannot be found, or that nobody is found, with the best place, which is no find; `None` where
+/// everybody is found.
+pub(super) fn unfound_in_words(
+    finds: &Finds,
+    settings: &FindSettings,
+    area: Rect,
+    unit: &str,
+) -> Option<String> {
+    let place = |find: &Find| place_in_words(find, area, unit);
     if let Some(next) = finds.unlocated(settings) {
         let who = match finds.found.is_empty() {
             true => "somebody",
             false => "somebody else",
         };
-        return text
-            + &format!(
-                "{who} is there, but the links cannot tell where; the best place is at {}, of {:.1} that are needed\n",
-                place(next),
-                finds.threshold
-            );
+        return Some(format!(
+            "{who} is there, but the links cannot tell where; the best place is at {}, of {:.1} that are needed",
+            place(next),
+            finds.threshold
+        ));
     }
     match &finds.next {
-        _ if !finds.found.is_empty() => text,
-        Some(next) => format!(
-            "nobody found; the best place is at {}, of {:.1} that are needed, probability {:.3}\n",
+        _ if !finds.found.is_empty() => None,
+        Some(next) => Some(format!(
+            "nobody found; the best place is at {}, of {:.1} that are needed, probability {:.3}",
             place(next),
             finds.threshold,
             next.probability
-        ),
-        None => "nobody found\n".to_owned(),
+        )),
+        None => Some("nobody found".to_owned()),
     }
 }
 
-/// Returns why persons were not searched in a change, in a line.
-fn why_not_searched(settings: &FindSettings, area: Rect, unit: &str) -> String {
+fn place_in_words(find: &Find, area: Rect, unit: &str) -> String {
+    let [xx, _, yy] = find.covariance_m2;
+    format!(
+        "({:.2} ± {:.2}, {:.2} ± {:.2}) {unit}: {:.1} dB/{unit}, evidence {:.1}",
+        find.at.x_m,
+        xx.sqrt().min(area.width_m()),
+        find.at.y_m,
+        yy.sqrt().min(area.height_m()),
+        find.strength,
+        find.evidence
+    )
+}
+
+/// Returns why persons were not searched in a change that was imaged.
+pub(super) fn why_not_searched(settings: &FindSettings, area: Rect, unit: &str) -> String {
     let rim = settings.rim_m.max(settings.person.radius_m);
     match area.width_m().min(area.height_m()) > 2.0 * rim {
-        true => "persons are not searched: the links tell no place of the area from another\n"
-            .to_owned(),
+        true => "the links tell no place of the area from another".to_owned(),
         false => format!(
-            "persons are not searched: nobody is sought within {rim:.2} {unit} of the border, which is all of an area of \
-             {:.2} x {:.2} {unit}\n",
+            "nobody is sought within {rim:.2} {unit} of the border, which is all of an area of {:.2} x {:.2} {unit}",
             area.width_m(),
             area.height_m()
         ),
@@ -149,7 +162,10 @@ pub(super) fn summary(
     }
     match &result.finds {
         Some(finds) => text += &finds_in_words(finds, &settings.finds, area, unit),
-        None if result.by_empty_sweep => text += &why_not_searched(&settings.finds, area, unit),
+        None if result.by_empty_sweep => {
+            let why = why_not_searched(&settings.finds, area, unit);
+            text += &format!("persons are not searched: {why}\n");
+        }
         None => {}
     }
     if let Some(shares) = &result.shares {

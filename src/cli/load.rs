@@ -11,7 +11,13 @@ use crate::config::{self, Problems, SceneFile, Sim, SourceFile, bundled};
 use crate::ground::planner::{Request, plan};
 use crate::scene::{self, Person, Scene, VrmlScene};
 use crate::sim::Scenario;
-use crate::sweep::{PlannedSweep, SweepError};
+use crate::sweep::{PlanError, PlannedSweep, Ring, SweepError};
+
+/// A scene whose lowest point is higher above the ground than this stands on nothing.
+const FLOATS_M: f64 = 0.5;
+
+/// So many other numbers of positions are tried at most.
+const REMEDIES: usize = 40;
 
 /// A simulation as read, with what its scene file warned about.
 pub(super) struct LoadedSimulation {
@@ -183,7 +189,17 @@ pub(super) fn shapes_of(
     let Some(file) = &scene.wrl else {
         return Ok(VrmlScene::default());
     };
-    read_shapes(file, scene.up, loader)
+    let mut shapes = read_shapes(file, scene.up, loader)?;
+    let lowest_m = shapes.shapes.iter().fold(f64::INFINITY, |low_m, shape| {
+        low_m.min(shape.shape.lowest_m())
+    }) + scene.offset_m[2];
+    if lowest_m.is_finite() && lowest_m > FLOATS_M {
+        shapes.warnings.push(format!(
+            "{file}: the lowest point of all is {lowest_m:.2} m above the ground, and nothing stands on it; \
+             see `up` and `offset_m`"
+        ));
+    }
+    Ok(shapes)
 }
 
 /// Reads a file of shapes, and the files that it names.
@@ -234,7 +250,10 @@ pub(super) fn scenario(
         Err(error) => Err(refused(error.to_string())),
         Ok(scenario) if !scenario.sim().is_planned_by_ground() => Ok(scenario),
         Ok(scenario) => match planned(&scenario) {
-            Err(error) => Err(refused(format!("no sweep can be planned: {error}"))),
+            Err(error) => {
+                let remedy = remedy(&scenario, &error);
+                Err(refused(format!("no sweep can be planned: {error}{remedy}")))
+            }
             Ok(_) => Ok(scenario),
         },
     }
@@ -258,11 +277,39 @@ pub(super) fn world(
     })
 }
 
+/// Returns what helps a sweep in which vehicles would come too close: fewer positions, which lie farther apart.
+fn remedy(scenario: &Scenario, error: &SweepError) -> String {
+    if !matches!(error, SweepError::Unsafe(PlanError::TooClose { .. })) {
+        return String::new();
+    }
+    let (ring, now) = (scenario.ring(), scenario.ring().positions());
+    // Patterns need a multiple of 4.
+    let step = (now / REMEDIES).max(4).next_multiple_of(4);
+    let fewer = (4..now).rev().filter(|count| count.is_multiple_of(4));
+    let can_be_driven = |count: &usize| {
+        let ring = Ring::new(ring.area(), *count);
+        ring.is_ok_and(|ring| planned_on(scenario, &ring).is_ok())
+    };
+    match fewer.step_by(step / 4).find(can_be_driven) {
+        Some(count) => format!(
+            "; fewer positions lie farther apart: sweep.positions = {count} in place of {now} can be driven"
+        ),
+        None => format!(
+            "; fewer sweep.positions than {now} do not help, a larger area, other homes, or a smaller separation_m may"
+        ),
+    }
+}
+
 /// Plans the sweep of a scenario from its homes, as the ground station does when a run begins.
 ///
 /// # Errors
 /// No sweep can be planned.
 pub(super) fn planned(scenario: &Scenario) -> Result<PlannedSweep, SweepError> {
+    planned_on(scenario, scenario.ring())
+}
+
+/// Plans the same sweep over the positions of another ring.
+fn planned_on(scenario: &Scenario, ring: &Ring) -> Result<PlannedSweep, SweepError> {
     let sim = scenario.sim();
     let places = sim
         .vehicle_ids()
@@ -276,7 +323,7 @@ pub(super) fn planned(scenario: &Scenario) -> Result<PlannedSweep, SweepError> {
         task: None,
     };
     plan(
-        scenario.ring(),
+        ring,
         scenario.method(),
         sim.venue.swarm.separation_m,
         &request,

@@ -180,8 +180,7 @@ impl Tracks {
                 .iter()
                 .filter(|(_, one)| one.number == number)
                 .collect();
-            let steps = of_person.windows(2);
-            let way_m: f64 = steps.map(|two| two[0].1.at.distance_to(two[1].1.at)).sum();
+            let way_m = way_m(of_person.iter().map(|(_, one)| one));
             if let (Some((first_s, _)), Some((last_s, last))) =
                 (of_person.first(), of_person.last())
             {
@@ -193,6 +192,25 @@ impl Tracks {
         }
         text
     }
+}
+
+/// Returns how far a person went, metres: from place to place that lie further apart than the deviations of a place, whose noise
+/// would be summed up otherwise.
+fn way_m<'a>(mut places: impl Iterator<Item = &'a TrackedPerson>) -> f64 {
+    const SURE: f64 = 3.0;
+    let Some(first) = places.next() else {
+        return 0.0;
+    };
+    let (mut from, mut way_m) = (first.at, 0.0);
+    for place in places {
+        let [xx, _, yy] = place.covariance_m2;
+        let step_m = from.distance_to(place.at);
+        if step_m > SURE * (xx + yy).sqrt() {
+            way_m += step_m;
+            from = place.at;
+        }
+    }
+    way_m
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

@@ -67,6 +67,9 @@ pub struct OrderArgs {
     /// In which run [default: the present one; a start of an idle ground station begins the next]
     #[arg(long, value_name = "N", conflicts_with = "mission", value_parser = clap::value_parser!(u32).range(1..=4_294_967_294))]
     pub run: Option<u32>,
+    /// With start: give up the sweep that is under way, if there is one, for the run that this begins
+    #[arg(long)]
+    pub end_run: bool,
     /// Take the lease from whoever holds it
     #[arg(long)]
     pub take_over: bool,
@@ -153,7 +156,8 @@ Examples:
   tomoswarm order operator.toml start --mission explore
   tomoswarm order operator.toml start 2 3 --mission pathfind --set 'waypoints_m=[[4, 2], [8, 6]]'
   tomoswarm order operator.toml start --mission waypoints --set file=yard.waypoints
-  tomoswarm order operator.toml start --mission sweep --set laps=4 --compare-with 1
+  tomoswarm order operator.toml start --mission sweep --compare-with 1     as ground.toml has it, compared with run 1
+  tomoswarm order operator.toml start --mission sweep --set laps=4 --end-run   in place of the sweep that is under way
   tomoswarm order operator.toml hold 2 3              two of them stand still
   tomoswarm order operator.toml emergency             everyone stops at once
   tomoswarm order operator.toml emergency 2           vehicle 2 alone does
@@ -163,7 +167,8 @@ Examples:
   tomoswarm order operator.toml mark 3.2,7.5 --run 2 --take-back
 
 A mark is said until the ground station has stored it (table marks, docs/store.md); tomoswarm export writes marks, and how far
-finds are from them.
+finds are from them. A place outside the fence is refused, and a run above all that the ground station knows; marks are taken
+back anywhere.
 
 Exit codes: 0 every vehicle shows the order, or the marks are stored; 1 not in time, overruled, nobody heard, a vehicle that does not fit or refuses the
 mission, a start of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or
@@ -209,6 +214,12 @@ impl OrderArgs {
         let is_start = self.what.kind() == Some(OrderKind::Start);
         if !is_start && (self.lift_all || !self.although_unheard.is_empty()) {
             let refused = "--although-unheard and --lift-all belong to start and resume only";
+            return Err(CliError::Usage(refused.to_owned()));
+        }
+        let begins = self.mission.is_some() || self.run.is_some();
+        if self.end_run && (self.what != OrderWord::Start || !begins || !self.targets.is_empty()) {
+            let refused = "--end-run belongs to start of all vehicles with --mission or --run only: \
+                the sweep is given up for another run";
             return Err(CliError::Usage(refused.to_owned()));
         }
         if self.mission.is_some() && self.what != OrderWord::Start {
@@ -264,6 +275,11 @@ impl OrderArgs {
             return Err(CliError::Usage(refused.to_owned()));
         }
         let context = OperatorContext::read(&self.config)?;
+        // A mark that is somewhere all the same can be taken back.
+        let mut marked = places.iter().filter(|_| !self.take_back);
+        if let Some(outside) = marked.find_map(|at| context.venue.refusal_of(*at)) {
+            return Err(CliError::Usage(format!("nothing is marked: {outside}")));
+        }
         let stop = StopFlag::listen();
         let mut operator = context.open()?;
         for (number, at) in (0..).zip(places) {
@@ -292,7 +308,10 @@ impl OrderArgs {
                     MarkOutcome::Stored(_) => {
                         writeln!(out, "{outcome}").map_err(CliError::stdout)?;
                     }
-                    MarkOutcome::NoRun | MarkOutcome::NotStored(_) | MarkOutcome::Withdrawn => {
+                    MarkOutcome::NoRun
+                    | MarkOutcome::NotStored(_)
+                    | MarkOutcome::Withdrawn
+                    | MarkOutcome::UnknownRun { .. } => {
                         undone.push(outcome.to_string());
                     }
                 }
@@ -339,6 +358,7 @@ impl OrderArgs {
                     run: self.run.map(RunId),
                     begins: self.what == OrderWord::Start,
                     mission,
+                    ends_run: self.end_run,
                     take_over: self.take_over,
                     although_unheard: ids(&self.although_unheard),
                     lifts_many: self.lift_all,

@@ -32,7 +32,7 @@ pub struct PreflightArgs {
     /// Who shall take part, e.g. 1,2,3 [default: the ground file's vehicles, or all that are heard]
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=250))]
     pub vehicles: Vec<u8>,
-    /// The deviation that a vehicle's place may have, metres [default: 0.5, said to be assumed]
+    /// The deviation that a vehicle's place may have, metres [default: pose_sd_max_m of the venue]
     #[arg(long, value_name = "M", value_parser = metres)]
     pub pose_sd_max: Option<f64>,
     /// Listen for so many seconds at most
@@ -124,7 +124,7 @@ impl PreflightArgs {
             venue_hash: context.venue.hash(),
             fence: context.venue.fence.clone(),
             homes: context.venue.homes.clone(),
-            pose_sd_max_m: self.pose_sd_max,
+            pose_sd_max_m: self.pose_sd_max.or(Some(context.venue.swarm.pose_sd_max_m)),
             software: crate::run::membership::SOFTWARE.to_owned(),
         }
     }

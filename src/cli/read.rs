@@ -1,6 +1,6 @@
 //! Reading whole text files, with a limit and an error that names the file.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -10,6 +10,22 @@ use crate::mavlink::signing::{KEY_BYTES, key_from_hex};
 
 /// The largest file that any command reads, bytes.
 pub(super) const LIMIT_BYTES: u64 = 256 << 20;
+
+/// Refuses what is there and is no regular file: nobody may ever write into a named pipe. What is not there, and a folder, are left
+/// to those who read it.
+///
+/// # Errors
+/// A pipe, a socket or a device.
+pub(super) fn check_regular(path: &Path) -> Result<(), CliError> {
+    let is_other = |found: Metadata| !found.is_file() && !found.is_dir();
+    if std::fs::metadata(path).is_ok_and(is_other) {
+        return Err(CliError::Input {
+            path: path.to_owned(),
+            reason: "is no regular file, but a pipe, a socket or a device".to_owned(),
+        });
+    }
+    Ok(())
+}
 
 /// Returns the text of a file.
 ///
@@ -103,8 +119,8 @@ pub(super) fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> 
             return named(&file);
         }
         match name.strip_prefix(&shown_folder) {
-            Some(rest) if folder != Path::new("") => named(&folder.join(rest)),
-            Some(_) | None => named(Path::new(name)),
+            Some(rest) if folder != Path::new("") => regular(&folder.join(rest)),
+            Some(_) | None => regular(Path::new(name)),
         }
     }
 }
@@ -114,13 +130,24 @@ pub(super) fn shown(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
+/// Returns the text of a regular file, or only the reason why not.
+fn regular(path: &Path) -> Result<String, String> {
+    let read = check_regular(path).and_then(|()| text(path));
+    read.map_err(reason_of)
+}
+
 /// Returns the text of a file that a configuration names, or only the reason why not.
 ///
 /// # Errors
 ///
 /// As for [`text`], without the name of the file.
 pub(super) fn named(path: &Path) -> Result<String, String> {
-    text(path).map_err(|error| match error {
+    text(path).map_err(reason_of)
+}
+
+/// Returns what is wrong with a file without its name.
+fn reason_of(error: CliError) -> String {
+    match error {
         CliError::Read { source, .. } => source.to_string(),
         CliError::Input { reason, .. } => reason,
         CliError::Line { line, reason, .. } => format!("line {line}: {reason}"),
@@ -136,7 +163,7 @@ pub(super) fn named(path: &Path) -> Result<String, String> {
         | CliError::Differs(_)
         | CliError::NotNow(_)
         | CliError::Fault(_) => error.to_string(),
-    })
+    }
 }
 
 #[cfg(test)]
@@ -158,6 +185,21 @@ mod tests {
             b"one\ntw\xff",
             Err("line 2: is no text (UTF-8 is expected)"),
         );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_regular_file_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let mut loader = around(&folder.path().join("any.toml"));
+        let refused = loader(&shown(&path)).unwrap_err();
+        assert!(refused.starts_with("is no regular file"), "{refused}");
+        assert!(check_regular(&path).is_err());
+        for allowed in [folder.path().to_owned(), folder.path().join("gone")] {
+            assert!(check_regular(&allowed).is_ok());
+        }
     }
 
     #[test]

@@ -1,9 +1,23 @@
 //! Where `tomoswarm image` finds a recording: in a file, in the folder of a run, or as a run of a ground station's store.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::error::CliError;
+#[cfg(feature = "net")]
+use super::imaging_comments::comments;
 use super::read;
+#[cfg(feature = "net")]
+use super::samples_csv::sample_line;
+#[cfg(feature = "net")]
+use super::standard_output::complain;
+#[cfg(feature = "net")]
+use super::stored_run;
+#[cfg(feature = "net")]
+use crate::store::ground::GroundStore;
+#[cfg(feature = "net")]
+use crate::tomo::SAMPLES_HEADER;
 
 /// The sweep of a run in its folder, and the empty one.
 const SWEEP: &str = "links.csv";
@@ -11,6 +25,8 @@ const EMPTY: &str = "empty.csv";
 /// The same, each beacon a line.
 const SAMPLES: &str = "samples.csv";
 const EMPTY_SAMPLES: &str = "empty-samples.csv";
+/// The bytes with which a file of SQLite begins.
+const DATABASE: &[u8; 16] = b"SQLite format 3\0";
 
 /// Returns the recording of a sweep: the file itself, or that of a run's folder.
 ///
@@ -74,13 +90,53 @@ pub(super) fn files_of(path: &Path) -> Vec<PathBuf> {
 /// Returns the text of a recording.
 ///
 /// # Errors
-/// It cannot be read.
+/// It cannot be read, or is a whole store.
 pub(super) fn text(path: &Path) -> Result<String, CliError> {
     #[cfg(feature = "net")]
     if let Some((store, run)) = stored(path) {
         return samples_of(&store, run);
     }
+    if is_database(path) {
+        return Err(CliError::Input {
+            path: path.to_owned(),
+            reason: run_is_to_be_named(path)?,
+        });
+    }
     read::text(path)
+}
+
+/// Returns whether a file begins as one of SQLite does.
+fn is_database(path: &Path) -> bool {
+    let mut begins = [0; DATABASE.len()];
+    let is_read = path.is_file()
+        && File::open(path).is_ok_and(|mut file| file.read_exact(&mut begins).is_ok());
+    is_read && begins == *DATABASE
+}
+
+/// Says that one run of a store is to be named, and which there are.
+///
+/// # Errors
+/// It is another database, or cannot be read.
+#[cfg(feature = "net")]
+fn run_is_to_be_named(path: &Path) -> Result<String, CliError> {
+    let runs = GroundStore::open_to_read(path)?.runs()?;
+    let example = runs
+        .last()
+        .map_or("N".to_owned(), |run| run.run.to_string());
+    Ok(format!(
+        "is the store of a ground station, which holds {}; name the run that is meant, such as {}:{example}",
+        stored_run::listed(&runs),
+        path.display()
+    ))
+}
+
+/// Says that runs of a store are for other builds.
+///
+/// # Errors
+/// None; builds with stores have some.
+#[cfg(not(feature = "net"))]
+fn run_is_to_be_named(_: &Path) -> Result<String, CliError> {
+    Ok("is a database; runs of a store are read by the build that has stores".to_owned())
 }
 
 /// Returns store and run of a name such as `swarm.db:3`, when no file has this name.
@@ -91,24 +147,21 @@ fn stored(path: &Path) -> Option<(PathBuf, u32)> {
     (!path.exists() && Path::new(store).is_file()).then(|| (PathBuf::from(store), run))
 }
 
-/// Returns the samples of a stored run as a recording.
+/// Returns the samples of a stored run as a recording, with how the ground station imaged it.
 #[cfg(feature = "net")]
 fn samples_of(path: &Path, run: u32) -> Result<String, CliError> {
-    use super::samples_csv::sample_line;
-    use crate::store::ground::GroundStore;
-    use crate::tomo::SAMPLES_HEADER;
     let store = GroundStore::open_to_read(path)?;
-    let run = tomoswarm_proto::RunId(run);
-    let known = store.runs()?;
-    if !known.iter().any(|known| known.run == run) {
-        let known: Vec<String> = known.iter().map(|known| known.run.to_string()).collect();
-        return Err(CliError::Input {
-            path: path.to_owned(),
-            reason: format!("holds no run {run}; it holds runs {}", known.join(", ")),
-        });
+    let run = stored_run::run_of(path, &store.runs()?, run)?;
+    let imaging = stored_run::imaging_of(&run, &store.provenance()?);
+    if imaging.is_none() {
+        complain(&format!(
+            "warning: {}: this version cannot read the ground station's file in it: run {} is imaged as is usual for its links",
+            path.display(),
+            run.run
+        ));
     }
-    let mut text = format!("{SAMPLES_HEADER}\n");
-    store.each_sample(Some(run), |stored| sample_line(&mut text, &stored))?;
+    let mut text = comments(imaging.as_ref()) + SAMPLES_HEADER + "\n";
+    store.each_sample(Some(run.run), |stored| sample_line(&mut text, &stored))?;
     Ok(text)
 }
 

@@ -99,7 +99,8 @@ pub struct Recording {
     pub imaging: Option<LinksFile>,
     /// The side of the bins in which the links are pooled already, metres.
     pub pooled_in_m: Option<f64>,
-    /// Whether what radios differ by has been taken out of the links already, as a simulation does of what it writes.
+    /// Whether what radios differ by has been taken out of the links already, as a simulation does of what it writes
+    /// and an export does not.
     pub is_without_offsets: bool,
     /// Whether it is a file of samples.
     pub is_of_samples: bool,
@@ -268,13 +269,14 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         let links = read_links(&header, lines, &mut heights_m)?;
         (links, BTreeSet::new(), bin_m)
     };
+    let as_measured = imaging.as_ref().is_some_and(|imaging| imaging.as_measured);
     Ok(Recording {
         links,
         unit: LengthUnit::Metre,
         area: imaging.as_ref().map(|imaging| imaging.area),
+        is_without_offsets: pooled_in_m.is_some() && !as_measured,
         imaging,
         pooled_in_m,
-        is_without_offsets: pooled_in_m.is_some(),
         is_of_samples: are_samples,
         runs,
         channels,
@@ -602,6 +604,7 @@ mod tests {
         assert!(offsets.is_some());
         let imaging = LinksFile {
             area: Rect::new(Point::new(0.0, 0.0), Point::new(60.0, 30.0)),
+            as_measured: false,
             reception: Reception::default(),
             imaging: Imaging {
                 bin_m: 0.5,

@@ -7,17 +7,17 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::outputs::about;
+use super::person_search::PersonSearch;
 use super::recording::links_csv;
 use super::samples_csv::samples_csv;
 use super::tracks::write_tracks;
 use crate::config::{Expect, LinksFile, SourceFile};
-use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::node::mission::EndReason;
 use crate::sim::bus::BytesByKind;
 use crate::sim::{
-    EMPTY_RUN, EndedMission, FoundObject, NEAR_M, RUN, RunOutcome, Scenario, ScenarioError,
-    VisibleScene,
+    EMPTY_RUN, EndedMission, PlaceFate, RUN, RunOutcome, Scenario, ScenarioError, Silence,
+    VisibleScene, narrowest_gap_m,
 };
 use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
@@ -54,6 +54,19 @@ pub(super) const FAMILY: &[&str] = &[
 struct SurfaceCoverage {
     found: usize,
     of: usize,
+    /// The narrowest gap that a vehicle takes for sure, metres: what lies behind narrower ones is not asked of it.
+    gap_m: f64,
+}
+
+impl SurfaceCoverage {
+    fn in_words(self) -> String {
+        let SurfaceCoverage { found, of, gap_m } = self;
+        let percent = 100.0 * found as f64 / of as f64;
+        format!(
+            "seen              {percent:.1} % of the surfaces that can be seen from where a vehicle gets to for sure, through gaps of \
+             {gap_m:.2} m and more: {found} of {of} cells\n"
+        )
+    }
 }
 
 /// The figures of a run.
@@ -75,19 +88,18 @@ pub(super) struct RunFigures {
     fence_breaches: usize,
     /// Contacts and breaches in words, as far as they are known one by one.
     mishaps: Vec<String>,
-    has_image: bool,
     min_separation_m: Option<f64>,
     scans: u64,
     events: u64,
     messages: u64,
     bus_bytes_by_kind: BytesByKind,
     bus_bytes_per_vehicle_s: f64,
-    found: Vec<FoundObject>,
-    persons: Vec<(String, Point)>,
-    /// How far the nearest find is from each of them, metres.
-    errors_m: Vec<f64>,
+    search: PersonSearch,
+    silences: Vec<Silence>,
     /// How the mission of each vehicle ended; empty for a sweep.
     missions: Vec<EndedMission>,
+    /// The same in words.
+    ends: Vec<String>,
     /// Of the cells of surfaces that can be seen, how many the map has found; `None` for a sweep.
     seen: Option<SurfaceCoverage>,
     /// Images that could not be made, with the reason.
@@ -121,21 +133,16 @@ impl RunFigures {
             collisions: outcome.collisions.len(),
             fence_breaches: outcome.fence_breaches,
             mishaps: mishaps(outcome),
-            has_image: outcome.change.is_some(),
             min_separation_m: outcome.min_separation_m,
             scans: outcome.counts.scans,
             events: outcome.counts.events,
             messages: outcome.counts.messages,
             bus_bytes_by_kind: outcome.bus_bytes_by_kind(),
             bus_bytes_per_vehicle_s: outcome.bus_bytes_per_vehicle_s(),
-            found: outcome.found(),
-            persons: outcome
-                .persons
-                .iter()
-                .map(|person| (person.name.clone(), person.at))
-                .collect(),
-            errors_m: outcome.errors_m(),
+            search: PersonSearch::of(scenario, outcome),
+            silences: outcome.silences.clone(),
             missions: outcome.missions.clone(),
+            ends: ends(outcome),
             seen: seen(scenario, outcome)?,
             not_made: not_made(scenario, outcome),
         })
@@ -192,22 +199,15 @@ impl RunFigures {
                 100.0 * self.coverage
             );
         }
-        let line = |(vehicle, end): &EndedMission| {
-            format!(
-                "mission           vehicle {vehicle} {}\n",
-                ended(end.as_ref())
-            )
+        let line = |((vehicle, _), how): (&EndedMission, &String)| {
+            format!("mission           vehicle {vehicle} {how}\n")
         };
         let done = did_everything(&self.missions);
         let of = self.missions.len();
-        let lines: String = self.missions.iter().map(line).collect();
+        let lines: String = self.missions.iter().zip(&self.ends).map(line).collect();
         let lines = format!("missions done     {done} of {of}\n{lines}");
-        let seen = self.seen.filter(|seen| seen.of > 0).map_or(String::new(), |SurfaceCoverage { found, of }| {
-            let percent = 100.0 * found as f64 / of as f64;
-            format!(
-                "seen              {percent:.1} % of the surfaces that can be seen: {found} of {of} cells\n"
-            )
-        });
+        let seen = self.seen.filter(|seen| seen.of > 0);
+        let seen = seen.map_or(String::new(), SurfaceCoverage::in_words);
         lines + &seen
     }
 
@@ -217,38 +217,13 @@ impl RunFigures {
         for mishap in &self.mishaps {
             text += &format!("mishap            {mishap}\n");
         }
-        for find in &self.found {
-            let error = match find.error_m {
-                None => "nobody was there".to_owned(),
-                Some(error_m) if find.is_somebody() => format!("{error_m:.2} m off"),
-                Some(error_m) => {
-                    format!("nobody within {NEAR_M} m, the nearest {error_m:.2} m off")
-                }
-            };
-            let (x_m, y_m) = (find.at.x_m, find.at.y_m);
-            text += &format!(
-                "found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m, evidence {:.1}: {error}\n",
-                find.strength, find.evidence
-            );
-        }
+        let silences: String = self.silences.iter().map(silence_in_words).collect();
+        text += &silences;
+        text += &self.search.finds_in_words();
         for what in &self.not_made {
             text += &format!("not made          {what}\n");
         }
-        // Without an image nobody was looked for.
-        let missed = self.missed().filter(|_| self.has_image);
-        for (name, at) in missed {
-            text += &format!(
-                "missed            {name} at {:.2}, {:.2} m\n",
-                at.x_m, at.y_m
-            );
-        }
-        text
-    }
-
-    fn missed(&self) -> impl Iterator<Item = &(String, Point)> {
-        let judged = self.persons.iter().zip(&self.errors_m);
-        let missed = judged.filter(|(_, error_m)| **error_m > NEAR_M);
-        missed.map(|(person, _)| person)
+        text + &self.search.missed_in_words()
     }
 
     /// Writes the figures for a program as `summary.json`.
@@ -261,18 +236,13 @@ impl RunFigures {
 
     /// Returns the figures for a program.
     pub(super) fn json(&self) -> Value {
-        let found = |find: &FoundObject| {
-            let [xx, xy, yy] = find.covariance_m2;
-            json!({
-                "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m,
-                "covariance_m2": [[xx, xy], [xy, yy]], "evidence": find.evidence, "probability": find.probability,
-            })
+        let silence = |silence: &Silence| {
+            let Silence { run, from, until } = silence;
+            json!({ "run": run.0, "from_s": from.as_secs_f64(), "until_s": until.as_secs_f64() })
         };
-        let person =
-            |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
-        let mission = |(vehicle, end): &EndedMission| {
+        let mission = |((vehicle, end), how): (&EndedMission, &String)| {
             let at_s = end.as_ref().map(|(at, _)| at.as_secs_f64());
-            json!({ "vehicle": vehicle.0, "ended_s": at_s, "how": ended(end.as_ref()) })
+            json!({ "vehicle": vehicle.0, "ended_s": at_s, "how": how })
         };
         json!({
             "scene": self.scene,
@@ -297,11 +267,14 @@ impl RunFigures {
             "bus_bytes": self.bus_bytes_by_kind.values().sum::<u64>(),
             "bus_bytes_by_kind": self.bus_bytes_by_kind,
             "bus_bytes_per_vehicle_s": self.bus_bytes_per_vehicle_s,
-            "found": self.found.iter().map(found).collect::<Vec<_>>(),
-            "persons": self.persons.iter().map(person).collect::<Vec<_>>(),
+            "found": self.search.found_json(),
+            "not_searched": self.search.why_not_json(),
+            "persons": self.search.persons_json(),
             "visible_cells": self.seen.map(|seen| seen.of),
             "detected_cells": self.seen.map(|seen| seen.found),
-            "missions": self.missions.iter().map(mission).collect::<Vec<_>>(),
+            "narrowest_gap_m": self.seen.map(|seen| seen.gap_m),
+            "silences": self.silences.iter().map(silence).collect::<Vec<_>>(),
+            "missions": self.missions.iter().zip(&self.ends).map(mission).collect::<Vec<_>>(),
             "version": env!("CARGO_PKG_VERSION"),
             "made_from": self.made_from,
         })
@@ -361,6 +334,21 @@ fn did_everything(missions: &[EndedMission]) -> usize {
     missions.iter().filter(is_done).count()
 }
 
+/// Returns that a sweep has heard nothing for long, in a line.
+fn silence_in_words(silence: &Silence) -> String {
+    let Silence { run, from, until } = silence;
+    let sweep = match *run == EMPTY_RUN {
+        true => "empty sweep",
+        false => "sweep",
+    };
+    format!(
+        "warning           no beacon was heard between any two vehicles from {:.0} to {:.0} s, {:.1} min of the {sweep}\n",
+        from.as_secs_f64(),
+        until.as_secs_f64(),
+        until.since(*from).as_secs_f64() / 60.0
+    )
+}
+
 /// The most mishaps that a summary names one by one.
 const MISHAPS: usize = 10;
 
@@ -386,6 +374,7 @@ fn seen(
     Ok(Some(SurfaceCoverage {
         found: seen.detected(outcome),
         of: seen.visible.cells.len(),
+        gap_m: narrowest_gap_m(scenario.sim()),
     }))
 }
 
@@ -410,7 +399,7 @@ fn not_made(scenario: &Scenario, outcome: &RunOutcome) -> Vec<String> {
 }
 
 /// Returns why there is no image of a subject.
-fn why_not_made(outcome: &RunOutcome, subject: Subject) -> &str {
+pub(super) fn why_not_made(outcome: &RunOutcome, subject: Subject) -> &str {
     let mut tried = outcome.not_made.iter();
     let reason = tried.find(|(of, _)| *of == subject);
     // Of a live run the ground station knows why.
@@ -442,6 +431,7 @@ pub(super) fn write_data(
     let sim = scenario.sim();
     let imaging = LinksFile {
         area: sim.venue.area,
+        as_measured: false,
         reception: sim.radio.reception,
         imaging: sim.imaging,
     };
@@ -487,12 +477,35 @@ fn with_origin(text: String, about: &str) -> String {
     format!("{head}{about}{rest}")
 }
 
-/// Returns how a mission ended.
-fn ended(end: Option<&(Time, EndReason)>) -> String {
+/// Returns how each mission ended, with all that became of its places.
+fn ends(outcome: &RunOutcome) -> Vec<String> {
+    let words = |(vehicle, end): &EndedMission| {
+        let own = outcome
+            .places
+            .iter()
+            .filter(|place| place.vehicle == *vehicle);
+        let fates: Vec<PlaceFate> = own.map(|place| place.fate).collect();
+        ended(end.as_ref(), &fates)
+    };
+    outcome.missions.iter().map(words).collect()
+}
+
+/// Returns how a mission ended; `fates`: what became of its places, as far as that is known.
+fn ended(end: Option<&(Time, EndReason)>, fates: &[PlaceFate]) -> String {
     let Some((at, end)) = end else {
         return "did not end".to_owned();
     };
-    format!("{end} after {:.1} min", at.as_secs_f64() / 60.0)
+    let minutes = at.as_secs_f64() / 60.0;
+    let count = |wanted: PlaceFate| fates.iter().filter(|fate| **fate == wanted).count();
+    let (given_up, no_way) = (count(PlaceFate::GivenUp), count(PlaceFate::NoWay));
+    // The reason names what counts more, and only that.
+    match end {
+        EndReason::GaveUp(_) if given_up > 0 && no_way > 0 => format!(
+            "gave up {given_up} of its {} places, and found that no way leads to {no_way}, after {minutes:.1} min",
+            fates.len()
+        ),
+        _ => format!("{end} after {minutes:.1} min"),
+    }
 }
 
 #[cfg(test)]
@@ -521,7 +534,7 @@ mod tests {
 
     #[test]
     fn a_mission_without_places_does_not_give_up_some_of_them() {
-        let output = |end: EndReason| ended(Some(&(Time::from_secs_f64(90.0), end)));
+        let output = |end: EndReason| ended(Some(&(Time::from_secs_f64(90.0), end)), &[]);
         assert_eq!(
             output(EndReason::NoRoom),
             "gave up (its peers never made room) after 1.5 min"
@@ -533,6 +546,44 @@ mod tests {
         assert_eq!(
             output(EndReason::GaveUp(2)),
             "gave up 2 of its places after 1.5 min"
+        );
+    }
+
+    #[test]
+    fn a_mission_that_ended_names_all_that_became_of_its_places() {
+        use PlaceFate::{GivenUp, NoWay, Visited};
+        let check = |end: EndReason, fates: &[PlaceFate], expected: &str| {
+            let words = ended(Some(&(Time::from_secs_f64(90.0), end)), fates);
+            assert_eq!(words, format!("{expected} after 1.5 min"));
+        };
+        check(
+            EndReason::GaveUp(1),
+            &[GivenUp, NoWay, Visited],
+            "gave up 1 of its 3 places, and found that no way leads to 1,",
+        );
+        check(
+            EndReason::GaveUp(2),
+            &[GivenUp, GivenUp],
+            "gave up 2 of its places",
+        );
+        check(
+            EndReason::NoWay(1),
+            &[NoWay, Visited],
+            "found that no way leads to 1 of its places",
+        );
+    }
+
+    #[test]
+    fn what_is_seen_says_through_which_gaps() {
+        let seen = SurfaceCoverage {
+            found: 106,
+            of: 106,
+            gap_m: 1.2,
+        };
+        assert_eq!(
+            seen.in_words(),
+            "seen              100.0 % of the surfaces that can be seen from where a vehicle gets to for sure, through gaps of \
+             1.20 m and more: 106 of 106 cells\n"
         );
     }
 }

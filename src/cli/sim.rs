@@ -13,6 +13,7 @@ use super::error::CliError;
 use super::flight::{Flights, SEGMENT};
 use super::folder::OutputFolder;
 use super::load::{self, LoadedSimulation};
+use super::person_checks;
 use super::pictures::write_pictures;
 use super::report::{FAMILY, RunFigures, failure, write_data};
 use super::standard_output::complain;
@@ -107,10 +108,15 @@ The folder then holds
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them
   samples.csv, empty-samples.csv   with --samples: every beacon heard or missed; `tomoswarm image` reads them as well
-  summary.json   finished (and failure: why not), simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more
+  summary.json   finished (and failure: why not), simulated_s, links, collisions, found [{x_m, y_m, strength, error_m, person}] (null
+                 when nobody was searched for; not_searched says why) and more
   track-N.waypoints  where vehicle N drove, as a mission that QGroundControl and [mission] file read
   run.log        what happened when, in virtual time
-Without an empty sweep (empty_sweep = true in CONFIG) there is no image.png: nothing to compare with.
+Without an empty sweep (empty_sweep = true in CONFIG) there is no image.png: nothing to compare with. A find is a person when it is
+within 1 m of it and no nearer pair takes either of them; a person left over is missed. Persons are searched in the last image: a
+sweep that is given up has searched for nobody, and has missed nobody.
+Of an exploration `seen` counts what can be seen from ground to which a vehicle gets for sure, through gaps of the width that it names
+(and `tomoswarm check`): twice the safety distance, two deviations of the place and three quarters of a map cell.
 
 Examples:
   tomoswarm sim --seed 7                        the persons stand elsewhere
@@ -190,6 +196,7 @@ impl SimArgs {
             watch::check()?;
         }
         let mut scenario = self.scenario(self.seed)?;
+        warn_of_persons(&scenario)?;
         if self.watch || self.pace.is_some() {
             scenario.shown_every = watch::shown_every(self.pace);
         }
@@ -299,6 +306,18 @@ impl SimArgs {
         }
         Ok(loaded)
     }
+}
+
+/// Says of persons who stand where nobody can be found.
+///
+/// # Errors
+/// The scene cannot be built.
+pub(super) fn warn_of_persons(scenario: &Scenario) -> Result<(), CliError> {
+    let warnings = person_checks::warnings(scenario);
+    for warning in warnings.map_err(|error| CliError::Usage(error.to_string()))? {
+        complain(&format_args!("warning: {warning}"));
+    }
+    Ok(())
 }
 
 /// Writes everything that a run leaves behind, and says how it went.

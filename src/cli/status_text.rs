@@ -49,6 +49,16 @@ pub fn text(view: &FleetView, expected: &Expected, now: Time, columns: Option<us
         table(&HEADING, &rows, columns)
     };
     for id in &vehicles {
+        let health = view.vehicle(*id).and_then(|seen| seen.health.as_ref());
+        if let (None, Some(health)) = (view.state(*id), health) {
+            let troubles = match health.value.troubles.is_empty() {
+                true => "nothing is wrong but that".to_owned(),
+                false => health.value.troubles.join("; "),
+            };
+            text += &format!(
+                "software vehicle {id} runs, but its autopilot says nothing: {troubles}\n"
+            );
+        }
         let state = view.state(*id).map(|state| &state.value);
         if let Some(state) = state.filter(|state| state.control != Control::Ours) {
             text += &format!("control  vehicle {id}: {}\n", control(state.control));

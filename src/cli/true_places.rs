@@ -25,6 +25,20 @@ pub(super) struct TruePlaces {
     pub(super) places: Vec<Point>,
 }
 
+/// Returns whether a file is one of places: its header has what it needs and nothing else.
+pub(super) fn is_list(text: &str) -> bool {
+    numbered(text)
+        .next()
+        .is_some_and(|(number, line)| columns_of(number, line).is_ok())
+}
+
+/// Returns the header of places, and where x and y are.
+fn columns_of(number: usize, line: &str) -> Result<(CsvHeader<'_>, [usize; 2]), RecordingError> {
+    let header = CsvHeader::read(number, line, MARKS_HEADER, EXPECTED.to_owned())?;
+    let columns = [header.needed("x_m")?, header.needed("y_m")?];
+    Ok((header, columns))
+}
+
 /// Reads places, as `tomoswarm export` writes the marks of a run (`run-N-marks.csv`); of columns only `x_m` and `y_m` are needed,
 /// in the units of the recording.
 ///
@@ -35,8 +49,7 @@ pub(super) fn read_places(text: &str) -> Result<TruePlaces, RecordingError> {
     let Some((number, line)) = lines.next() else {
         return Err(wrong("1: ".into(), "an empty file", EXPECTED));
     };
-    let header = CsvHeader::read(number, line, MARKS_HEADER, EXPECTED.to_owned())?;
-    let columns = [header.needed("x_m")?, header.needed("y_m")?];
+    let (header, columns) = columns_of(number, line)?;
     let of_run = header.column("run");
     let (mut places, mut run) = (Vec::new(), None);
     for (number, line) in lines {

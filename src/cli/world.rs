@@ -13,7 +13,7 @@ use super::stop::StopFlag;
 use crate::config::{Config, bundled};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::run::link::WorldStatus;
-use crate::run::mavlink_port::PortSettings;
+use crate::run::mavlink_port::{PortError, PortSettings};
 use crate::run::mavlink_sockets::SocketKind;
 use crate::run::world::{WorldError, WorldServer};
 use crate::sim::Scenario;
@@ -66,7 +66,12 @@ Examples:
   tomoswarm world configs/courtyard.sim.toml --check
   tomoswarm world configs/courtyard.sim.toml --listen 127.0.0.1:7000 --token anything
 
-Exit codes: 0 ended as asked; 1 it could not listen, or the referee saw a collision; 2 bad usage or bad files.";
+With `empty_sweep = true` in the file the persons wait outside until whoever runs the scenario (`tomoswarm sim --live`) lets
+them enter; there is no command for it, so in a world that is started by hand they never come. For an empty sweep and one with
+them by hand: sweep in this world, end it, and start it (same --listen, --token) with a file that says `empty_sweep = false`.
+They are in then from the beginning, all vehicles are at home, and their processes connect again by themselves.
+
+Exit codes: 0 ended as asked; 1 the referee saw a collision, or a fault; 2 bad usage, bad files, or an address that is in use.";
 
 impl WorldArgs {
     /// Runs the world until it is ended.
@@ -97,6 +102,11 @@ impl WorldArgs {
             self.xbee_pty.as_deref(),
         )
         .map_err(refused)?;
+        if scenario.sim().empty_sweep && !self.tied {
+            complain(
+                &"note: the persons wait outside (empty_sweep = true): nobody lets them enter a world that is started by hand",
+            );
+        }
         let stopper = server.stopper();
         let by_input = stopper.clone();
         let stop = StopFlag::listen_with(move || stopper.stop());
@@ -157,8 +167,12 @@ fn refused(error: WorldError) -> CliError {
         | WorldError::Token { .. }
         | WorldError::Scenario(_)
         | WorldError::Radios { .. }
-        | WorldError::NoRadios => CliError::Usage(error.to_string()),
-        WorldError::Listen { .. } | WorldError::Port(_) => CliError::Fault(error.to_string()),
+        | WorldError::NoRadios
+        | WorldError::Listen { .. }
+        | WorldError::Port(PortError::Address { .. }) => CliError::Usage(error.to_string()),
+        WorldError::Thread(_) | WorldError::Port(PortError::Parameter(_)) => {
+            CliError::Fault(error.to_string())
+        }
     }
 }
 

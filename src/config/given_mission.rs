@@ -2,11 +2,13 @@
 //! `[sweep]`, each as `KEY=VALUE`. They go through the same reader as a file, with the same limits; mistakes are said of
 //! the option in which they stand.
 
+use std::time::Duration;
+
 use tomoswarm_proto::TaskKind;
 
 use super::Loader;
 use super::keys::{DeclaredKey, KeyEntry, Keyed, Keys, keys_of, quoted, read_table};
-use super::mission::{SweepConfig, SweepTable, check_sweep};
+use super::mission::{PlannerChoice, SweepConfig, SweepTable, check_sweep};
 use super::problem::{Problem, Problems};
 use super::section::Section;
 use super::sim::check_task;
@@ -26,7 +28,40 @@ pub struct GivenMission {
     /// What the vehicles are out for; `None` = a sweep.
     pub task: Option<TaskKind>,
     /// How it is swept, if it is a sweep.
-    pub sweep: SweepConfig,
+    pub sweep: GivenSweep,
+}
+
+/// What is given of a sweep; `None` = as the ground station's file has it.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct GivenSweep {
+    /// How the stops are chosen.
+    pub planner: Option<PlannerChoice>,
+    /// Positions on the border of the area.
+    pub positions: Option<usize>,
+    /// Laps or rounds.
+    pub laps: Option<usize>,
+    /// How long a vehicle stays at a stop.
+    pub dwell: Option<Duration>,
+    /// How long it stays at most while it waits for a partner.
+    pub dwell_limit: Option<Duration>,
+}
+
+impl GivenSweep {
+    /// Returns all of a sweep.
+    pub fn whole(sweep: &SweepConfig) -> GivenSweep {
+        GivenSweep::of(sweep, |_| true)
+    }
+
+    /// Returns those keys of a sweep that are given.
+    fn of(sweep: &SweepConfig, is_given: impl Fn(&str) -> bool) -> GivenSweep {
+        GivenSweep {
+            planner: is_given("planner").then_some(sweep.planner),
+            positions: is_given("positions").then_some(sweep.positions),
+            laps: sweep.laps.filter(|_| is_given("laps")),
+            dwell: is_given("dwell_s").then(|| sweep.dwell()),
+            dwell_limit: is_given("dwell_limit_s").then(|| sweep.dwell_limit()),
+        }
+    }
 }
 
 impl GivenMission {
@@ -52,6 +87,11 @@ impl GivenMission {
                 key.name == "kind" || key.name == "planner" && mission.planner().is_some()
             };
             keys.retain(|key| !is_said(key));
+            if mission.is_planned_by_ground() {
+                for key in &mut keys {
+                    key.default = "as the ground station's file has it".to_owned();
+                }
+            }
             (word, keys)
         })
     }
@@ -75,7 +115,8 @@ impl GivenMission {
             let (key, value) = pair(given)?;
             text += &format!("{table}.{key} = {value}\n");
         }
-        read_text(&text, (venue, vehicles), loader)
+        let keys: Vec<&str> = given_keys(set).collect();
+        read_text(&text, &keys, (venue, vehicles), loader)
             .map_err(|problems| of_options(kind, set, problems))
     }
 }
@@ -108,6 +149,7 @@ impl Keyed for Tables {
 
 fn read_text(
     text: &str,
+    keys: &[&str],
     (venue, vehicles): (&Venue, Option<usize>),
     loader: &mut Loader,
 ) -> Result<GivenMission, Problems> {
@@ -133,6 +175,10 @@ fn read_text(
             mission.planner(),
         );
     }
+    // Calibrate and the like name their planner themselves.
+    let is_given =
+        |key: &str| keys.contains(&key) || (key == "planner" && mission.planner().is_some());
+    let sweep = GivenSweep::of(&sweep, is_given);
     source.finish(Some(GivenMission { task, sweep }))
 }
 
@@ -172,13 +218,14 @@ fn pair(given: &str) -> Result<(&str, String), Problems> {
     ))
 }
 
+fn given_keys(set: &[String]) -> impl Iterator<Item = &str> {
+    let pairs = set.iter().filter_map(|given| given.split_once('='));
+    pairs.map(|(key, _)| key.trim())
+}
+
 /// Says of each mistake in which option it stands.
 fn of_options(kind: &str, set: &[String], problems: Problems) -> Problems {
-    let keys: Vec<&str> = set
-        .iter()
-        .filter_map(|given| given.split_once('='))
-        .map(|(key, _)| key.trim())
-        .collect();
+    let keys: Vec<&str> = given_keys(set).collect();
     let of_option = |problem: Problem| {
         if problem.file != KIND_OPTION {
             return problem;
@@ -251,8 +298,17 @@ mod tests {
             Some(TaskKind::Forward { distance_mm: 5000 })
         );
         assert_eq!(
-            read("calibrate", &["positions=8"]).unwrap().sweep.planner,
-            PlannerChoice::Calibrate
+            read("calibrate", &["positions=8"]).unwrap().sweep,
+            GivenSweep {
+                planner: Some(PlannerChoice::Calibrate),
+                positions: Some(8),
+                ..GivenSweep::default()
+            }
+        );
+        assert_eq!(
+            read("sweep", &[]).unwrap().sweep,
+            GivenSweep::default(),
+            "what is left out is the ground station's to know"
         );
     }
 
@@ -285,8 +341,13 @@ mod tests {
         );
         let given = read("sweep", &["planner=fan", "laps=3", "dwell_s=2"]).unwrap();
         assert_eq!(
-            (given.sweep.planner, given.sweep.laps, given.sweep.dwell_s),
-            (PlannerChoice::Fan, Some(3), 2.0)
+            given.sweep,
+            GivenSweep {
+                planner: Some(PlannerChoice::Fan),
+                laps: Some(3),
+                dwell: Some(Duration::from_secs(2)),
+                ..GivenSweep::default()
+            }
         );
     }
 

@@ -59,10 +59,9 @@ pub struct Prior {
 /// How images are made.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Imaging {
-    /// Columns of the image (west to east).
-    pub columns: usize,
-    /// Rows of the image (south to north).
-    pub rows: usize,
+    /// Columns of the image (west to east) and its rows (south to north); `None` for squares, so many along the longer
+    /// side as images of any area have.
+    pub pixels: Option<(usize, usize)>,
     /// The weight model.
     pub weights: Weights,
     /// Tuning width of the ellipses, metres.
@@ -133,8 +132,7 @@ impl Imaging {
     /// Declares the keys; `usual` is when images are made where the file does not say.
     fn declare(&mut self, to: &mut dyn Keys, usual: ImageTimes) {
         let Imaging {
-            columns,
-            rows,
+            pixels,
             weights,
             width_m,
             solver,
@@ -150,10 +148,10 @@ impl Imaging {
         } = self;
         let means = "columns and rows of the image, 2 to 400 each";
         to.form(
-            &mut Pixels { columns, rows },
+            &mut Pixels { pixels },
             KeyEntry {
                 name: "pixels",
-                left_out: "[40, 40]",
+                left_out: "squares, 40 along the longer side",
                 means,
             },
         );
@@ -323,24 +321,23 @@ impl Keyed for PriorTable<'_> {
 
 /// The columns and rows of an image.
 struct Pixels<'a> {
-    columns: &'a mut usize,
-    rows: &'a mut usize,
+    pixels: &'a mut Option<(usize, usize)>,
 }
 
 impl Form for Pixels<'_> {
     fn to_toml(&self) -> Option<String> {
-        Some(format!("[{}, {}]", self.columns, self.rows))
+        self.pixels
+            .map(|(columns, rows)| format!("[{columns}, {rows}]"))
     }
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        (*self.columns, *self.rows) = read_pixels(section, key);
+        *self.pixels = read_pixels(section, key);
     }
 }
 
-fn read_pixels(section: &Section<'_>, key: &'static str) -> (usize, usize) {
-    let default = (40, 40);
+fn read_pixels(section: &Section<'_>, key: &'static str) -> Option<(usize, usize)> {
     if !section.has(key) {
-        return default;
+        return None;
     }
     let list = section.list(key).unwrap_or_default();
     let numbers: Vec<usize> = list
@@ -351,12 +348,12 @@ fn read_pixels(section: &Section<'_>, key: &'static str) -> (usize, usize) {
         [columns, rows]
             if list.len() == 2 && (2..=400).contains(&columns) && (2..=400).contains(&rows) =>
         {
-            (columns, rows)
+            Some((columns, rows))
         }
         _ => {
             let allowed = "[columns, rows], each a whole number from 2 to 400, is allowed";
             section.refuse(key, "is no such pair", allowed);
-            default
+            None
         }
     }
 }

@@ -2,10 +2,11 @@
 //! links give the same image wherever they are read. It knows no link.
 
 use super::imaging::Imaging;
-use super::keys::{KeyEntry, Keyed, Keys, Writer, read_table};
+use super::keys::{Form, KeyEntry, Keyed, Keys, Writer, read_table};
 use super::problem::Problems;
 use super::radio::Reception;
 use super::read_kind;
+use super::section::Section;
 use super::venue::Area;
 use crate::geom::{Point, Rect};
 
@@ -17,6 +18,8 @@ const KIND: &str = "links";
 pub struct LinksFile {
     /// What is imaged.
     pub area: Rect,
+    /// Whether they have what radios differ by, as they were measured; of samples that says nothing, which always have it.
+    pub as_measured: bool,
     /// How well the receivers heard.
     pub reception: Reception,
     /// How images are made.
@@ -27,6 +30,7 @@ impl Keyed for LinksFile {
     fn keys(&mut self, to: &mut dyn Keys) {
         let LinksFile {
             area,
+            as_measured,
             reception,
             imaging,
         } = self;
@@ -38,6 +42,14 @@ impl Keyed for LinksFile {
                 means: "`[x0, y0, x1, y1]`: what is imaged",
             },
         );
+        to.form(
+            &mut AsMeasured(as_measured),
+            KeyEntry {
+                name: "as_measured",
+                left_out: "false",
+                means: "the links have what radios differ by",
+            },
+        );
         reception.keys(to);
         to.table(
             imaging,
@@ -47,6 +59,19 @@ impl Keyed for LinksFile {
                 means: "",
             },
         );
+    }
+}
+
+/// Whether links are as they were measured; where they are not, nothing is written.
+struct AsMeasured<'a>(&'a mut bool);
+
+impl Form for AsMeasured<'_> {
+    fn to_toml(&self) -> Option<String> {
+        self.0.then(|| true.to_string())
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        *self.0 = section.flag(key, false);
     }
 }
 
@@ -71,6 +96,7 @@ impl LinksFile {
         read_kind(file_name, text, KIND, |root| {
             let mut file = LinksFile {
                 area: Rect::new(Point::default(), Point::default()),
+                as_measured: false,
                 reception: Reception::default(),
                 imaging: Imaging::default(),
             };

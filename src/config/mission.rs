@@ -190,7 +190,14 @@ fn check_pattern(source: &Source<'_>, sweep: &SweepConfig, vehicles: usize) {
     }
     if vehicles != 2 {
         let wrong = format!("drives two vehicles, not {vehicles}");
-        source.refuse("sweep.planner", &wrong, "vehicles.count = 2 is needed");
+        // A mission may have said the planner.
+        let is_of_mission = !source.is_known("sweep.planner") && source.is_known("mission.kind");
+        let key = if is_of_mission {
+            "mission.kind"
+        } else {
+            "sweep.planner"
+        };
+        source.refuse(key, &wrong, "vehicles.count = 2 is needed");
     }
     if source.is_known("sweep.laps") {
         let wrong = "means nothing to a pattern";

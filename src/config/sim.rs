@@ -20,7 +20,9 @@ use super::forms::{LoadedFile, seconds};
 use super::imaging::Imaging;
 use super::keys::WordChoice;
 use super::keys::{Flag, KeyEntry, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
-use super::mission::{AfterSweep, Durations, Expect, SweepConfig, SweepTable, check_sweep};
+use super::mission::{
+    AfterSweep, Durations, Expect, PlannerChoice, SweepConfig, SweepTable, check_sweep,
+};
 use super::radio::{Bus, BusTable, Radio, RadioTable};
 use super::range::{Lobe, RangeSensor};
 use super::scene::{SceneFile, Up};
@@ -224,11 +226,7 @@ impl Sim {
 
     /// Returns how many vehicles there may be; only as many as the planners can keep apart follow plans.
     fn allowed(&self, swarm: &RangeInclusive<usize>) -> RangeInclusive<usize> {
-        if self.mission.is_planned_by_ground() {
-            swarm.clone()
-        } else {
-            PARTY
-        }
+        allowed_for(&self.mission, swarm)
     }
 
     /// Checks the keys of each table together, and fills in what depends on others.
@@ -249,6 +247,16 @@ impl Sim {
             fault.check(source, &format!("fault[{index}]"));
         }
         check_margins(root, self);
+    }
+}
+
+/// Returns how many vehicles a mission may have. A pattern refuses any other number than two by itself, and says so.
+fn allowed_for(mission: &MissionTable, swarm: &RangeInclusive<usize>) -> RangeInclusive<usize> {
+    let is_pattern = mission.planner().is_some_and(PlannerChoice::is_pattern);
+    if mission.is_planned_by_ground() && !is_pattern {
+        swarm.clone()
+    } else {
+        PARTY
     }
 }
 
@@ -310,11 +318,7 @@ impl Keyed for SimTable<'_> {
                 "what the vehicles are out for; also in a vehicle's file",
             ),
         );
-        let allowed = if mission.is_planned_by_ground() {
-            allowed.clone()
-        } else {
-            PARTY
-        };
+        let allowed = allowed_for(mission, allowed);
         let mut fleet = VehiclesTable {
             vehicles,
             allowed: allowed.clone(),

@@ -342,7 +342,7 @@ impl Keyed for BodySpec {
             "antenna_height_m",
             0.5,
             0.05..=10.0,
-            "height of the antenna above the ground",
+            "height of a rover's antenna above the ground; a copter's is at its altitude",
         );
         number(
             max_speed_mps,

@@ -21,6 +21,8 @@ use crate::map::REACH_TILES;
 const MOST_HOMES: usize = 250;
 /// The smallest distance between two homes, metres.
 const HOMES_APART_M: f64 = 1.0;
+/// What is no farther from the fence than this lies on it, metres.
+const ON_FENCE_M: f64 = 1e-3;
 /// The most cells along one side of the fence, so that a map stays within memory.
 const MOST_CELLS_A_SIDE: f64 = 10_000.0;
 
@@ -124,6 +126,19 @@ impl Venue {
             hash.numbers(&contract);
         }
         hash.0.finish()
+    }
+
+    /// Returns in words that a place lies outside the fence; `None` = it lies inside, or on it.
+    pub fn refusal_of(&self, at: Point) -> Option<String> {
+        let is_outside = !self.fence.contains(at) && self.fence.distance_to_edge(at) > ON_FENCE_M;
+        let reach = Rect::around(self.fence.corners().iter().copied())?;
+        let (Rect { min, max }, Point { x_m, y_m }) = (reach, at);
+        is_outside.then(|| {
+            format!(
+                "({x_m}, {y_m}) lies outside the fence, which reaches from ({}, {}) to ({}, {}), metres",
+                min.x_m, min.y_m, max.x_m, max.y_m
+            )
+        })
     }
 
     /// Returns the plane of the local frame on the earth.

@@ -27,6 +27,8 @@ pub const INBOUND_MAX: usize = 4096;
 pub const SEAT_LASTS: Duration = Duration::from_secs(15);
 /// Orders taken a second, and as many stops.
 pub const ORDERS_PER_S: usize = 20;
+/// Requests and messages of pages that wait to be taken; what comes when there are more is refused.
+pub const REQUESTS_WAITING: usize = 256;
 
 /// One page, counted from 1.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -69,8 +71,13 @@ pub enum GateRefusal {
     #[error("{PAGES_MAX} pages are open already")]
     Pages,
     /// Too many orders.
-    #[error("more than {ORDERS_PER_S} orders a second")]
+    #[error("more than {ORDERS_PER_S} orders and marks a second")]
     Flood,
+    /// Too many requests, or messages of pages (where to look in time, credit), whatever they ask for.
+    #[error(
+        "more than {REQUESTS_WAITING} requests and messages of pages wait: too many came at a time"
+    )]
+    Waiting,
     /// It moves something, and the page has not the seat.
     #[error("this makes vehicles move, and this page has not the seat")]
     NoSeat,
@@ -86,7 +93,9 @@ impl GateRefusal {
     /// Returns whether the same may be taken a moment later.
     pub fn is_passing(&self) -> bool {
         match self {
-            GateRefusal::Late | GateRefusal::Pages | GateRefusal::Flood => true,
+            GateRefusal::Late | GateRefusal::Pages | GateRefusal::Flood | GateRefusal::Waiting => {
+                true
+            }
             GateRefusal::Host
             | GateRefusal::Origin
             | GateRefusal::Token
@@ -436,6 +445,17 @@ mod tests {
                 "{header:?}"
             );
         }
+    }
+
+    #[test]
+    fn too_many_requests_are_not_called_orders_and_may_be_tried_again() {
+        let refusal = GateRefusal::Waiting;
+        assert!(refusal.is_passing());
+        let words = refusal.to_string();
+        assert!(
+            words.contains("256 requests") && !words.contains("order"),
+            "{words}"
+        );
     }
 
     #[test]

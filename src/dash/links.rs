@@ -5,18 +5,17 @@
 //! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the
 //! samples themselves are kept as long as there is room ([`SampleBook`]).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
 
 use super::sample_book::SampleBook;
+use crate::exchange::sequences::ReceivedSequences;
 use crate::tomo::{Link, LinkBins};
 
 /// Sources at most: starts of vehicles in runs.
 const SOURCES_MAX: usize = 1024;
-/// Sequences above a gap that are kept of one source.
-const BEYOND_MAX: usize = 65_536;
 /// Runs that are kept: the newest.
 const RUNS_MAX: usize = 16;
 /// Links of one run at most.
@@ -25,7 +24,7 @@ const LINKS_MAX: usize = 100_000;
 /// The links of all runs, and which samples have come.
 #[derive(Clone, Debug, Default)]
 pub struct LinkBook {
-    received: BTreeMap<(RunId, VehicleId, Boot), Received>,
+    received: BTreeMap<(RunId, VehicleId, Boot), ReceivedSequences>,
     heard: HeardLinks,
 }
 
@@ -35,32 +34,6 @@ pub struct HeardLinks {
     bins: BTreeMap<RunId, Arc<LinkBins>>,
     /// The samples that are new, as they came.
     samples: SampleBook,
-}
-
-/// What has come of one source: everything below, and some beyond.
-#[derive(Clone, Debug, Default)]
-struct Received {
-    below: u64,
-    beyond: BTreeSet<u64>,
-}
-
-impl Received {
-    /// Takes a sequence; returns whether it is new. Where too many have come above a gap, it is taken for one that stays.
-    fn take(&mut self, sequence: u64) -> bool {
-        let is_new = sequence >= self.below && sequence != u64::MAX;
-        if !is_new || !self.beyond.insert(sequence) {
-            return false;
-        }
-        if self.beyond.len() > BEYOND_MAX
-            && let Some(least) = self.beyond.first()
-        {
-            self.below = *least;
-        }
-        while self.beyond.remove(&self.below) {
-            self.below += 1;
-        }
-        true
-    }
 }
 
 impl LinkBook {
@@ -75,12 +48,13 @@ impl LinkBook {
         let HeardLinks { bins, samples } = &mut self.heard;
         let of_run = Arc::make_mut(bins.entry(batch.run).or_default());
         for sample in batch.samples.iter() {
-            if of_run.len() < LINKS_MAX && received.take(sample.sequence) {
+            if of_run.len() < LINKS_MAX && is_taken(received, sample.sequence) {
                 of_run.record_sample(batch.vehicle, sample);
                 let who = (batch.vehicle, batch.boot);
                 samples.take(batch.run, who, sample);
             }
         }
+        received.pass_over(&batch.lost);
         if bins.len() > RUNS_MAX
             && let Some((oldest, _)) = bins.pop_first()
         {
@@ -96,6 +70,18 @@ impl LinkBook {
     /// Returns what has come of links.
     pub fn heard(&self) -> &HeardLinks {
         &self.heard
+    }
+}
+
+/// Takes a sequence; returns whether it is new. Where too many have come above a gap, what is missing stays away: whoever shows
+/// this confirms nothing, and began perhaps in the middle.
+fn is_taken(received: &mut ReceivedSequences, sequence: u64) -> bool {
+    if !received.is_new(sequence) {
+        return false;
+    }
+    received.take(sequence) || {
+        received.pass_gap();
+        received.take(sequence)
     }
 }
 
@@ -131,20 +117,20 @@ impl HeardLinks {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exchange::sequences::BEYOND_MAX;
 
     #[test]
     fn sequences_go_on_being_taken_when_too_many_have_come_above_a_gap() {
-        let mut received = Received::default();
+        let mut received = ReceivedSequences::default();
         let most = BEYOND_MAX as u64;
-        assert!(received.take(0));
+        assert!(is_taken(&mut received, 0));
         assert!(
-            (2..2 + 3 * most).all(|sequence| received.take(sequence)),
+            (2..2 + 3 * most).all(|sequence| is_taken(&mut received, sequence)),
             "1 is missing"
         );
-        assert!(received.beyond.len() <= BEYOND_MAX);
         for old in [0, 1, 2, 1 + 3 * most, u64::MAX] {
-            assert!(!received.take(old), "{old}");
+            assert!(!is_taken(&mut received, old), "{old}");
         }
-        assert_eq!(received.below, 2 + 3 * most);
+        assert_eq!(received.below(), 2 + 3 * most);
     }
 }

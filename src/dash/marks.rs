@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Mark, Position, RunId, Sender};
 
 use super::given::{Given, GivenBook};
+use crate::config::Venue;
+use crate::geom::Point;
 use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 
 /// Marks kept at most; those of the oldest run go first.
@@ -54,6 +56,18 @@ impl MarkOrder {
                 u32::MAX - 1
             )),
             _ => Ok(order),
+        }
+    }
+
+    /// Returns it, unless it is a mark outside the fence; one may be taken back anywhere.
+    ///
+    /// # Errors
+    /// Where the fence is, in words.
+    pub fn within(self, venue: &Venue) -> Result<MarkOrder, String> {
+        let [x_m, y_m] = self.at;
+        match venue.refusal_of(Point::new(x_m, y_m)) {
+            Some(outside) if !self.take_back => Err(format!("not marked: {outside}")),
+            Some(_) | None => Ok(self),
         }
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{GroundReport, MissionKind, OrderKind, RunId, VehicleId};
+use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 use super::gate::PageId;
 use super::given::{Given, GivenBook};
@@ -54,6 +54,9 @@ pub struct MissionOrder {
     /// The run that its images are compared with.
     #[serde(default)]
     pub compare_with: Option<u32>,
+    /// Whether the sweep that is under way is given up for it.
+    #[serde(default)]
+    pub end_run: bool,
 }
 
 /// What can be asked for.
@@ -141,6 +144,11 @@ impl OrderRequest {
         {
             return Err("compare_with: a run from 1 to 4294967294 is expected".to_owned());
         }
+        if said.end_run && !self.vehicles.is_empty() {
+            return Err(
+                "end_run: the sweep is given up for a run of all vehicles; select none".to_owned(),
+            );
+        }
         let vehicles = Some(self.vehicles.len()).filter(|count| *count > 0);
         let mut loader = |name: &str| {
             let missing =
@@ -153,47 +161,6 @@ impl OrderRequest {
             kind: task_kind(task, &sweep),
             compare_with: said.compare_with.map(RunId),
         }))
-    }
-
-    /// Judges a mission by what a ground station says, if one is heard: it plans sweeps, and compares with a run that is over
-    /// and of which it has samples. It names its last runs only: an earlier one is taken as it is.
-    ///
-    /// # Errors
-    /// What the mission lacks, in words.
-    pub fn judge_mission(
-        mission: &MissionRequest,
-        ground: Option<&GroundReport>,
-    ) -> Result<(), String> {
-        let is_swept = MissionKind::from(&mission.kind) == MissionKind::Sweep;
-        let Some(report) = ground else {
-            let lacks = match (is_swept, mission.compare_with) {
-                (true, _) => "a sweep is planned by a ground station".to_owned(),
-                (false, Some(run)) => format!("a ground station compares with run {run}"),
-                (false, None) => return Ok(()),
-            };
-            return Err(format!("{lacks}, and none is heard"));
-        };
-        let Some(wanted) = mission.compare_with else {
-            return Ok(());
-        };
-        let runs = &report.runs;
-        let refused = |why: &str| Err(format!("compare_with: run {wanted} {why}"));
-        match runs.iter().find(|run| run.run == wanted) {
-            Some(run) if run.end.is_none() => refused("is not over yet"),
-            Some(run) if run.samples == 0 => refused("has no samples: nothing was measured"),
-            Some(_) => Ok(()),
-            None if runs.first().is_some_and(|first| wanted < first.run) => Ok(()),
-            None => {
-                let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
-                let known = match known.is_empty() {
-                    true => "none".to_owned(),
-                    false => known.join(", "),
-                };
-                refused(&format!(
-                    "is none that the ground station has; it has {known}"
-                ))
-            }
-        }
     }
 
     /// Returns what the operator is told, under a number; `None` of what is not for the operator.
@@ -214,6 +181,7 @@ impl OrderRequest {
         let goal = OrderGoal {
             begins: kind == OrderKind::Start,
             mission,
+            ends_run: self.mission.as_ref().is_some_and(|mission| mission.end_run),
             ..OrderGoal::new(kind, vehicles, ORDER_WITHIN)
         };
         Some(In::Want(number, goal))
@@ -248,7 +216,7 @@ impl OrderBook {
 mod tests {
     use super::*;
     use crate::config;
-    use tomoswarm_proto::{RunEnd, RunReport};
+    use tomoswarm_proto::{GroundReport, RunEnd, RunReport};
 
     fn read(body: &str) -> Result<OrderRequest, String> {
         OrderRequest::read(body.as_bytes())
@@ -388,7 +356,11 @@ mod tests {
             let body = format!(
                 r#"{{"order":"start","page":1,"mission":{{"kind":"{kind}","compare_with":{with}}}}}"#
             );
-            OrderRequest::judge_mission(&mission(&body).unwrap().unwrap(), ground)
+            mission(&body)
+                .unwrap()
+                .unwrap()
+                .judge(ground)
+                .map_err(|misfit| misfit.to_string())
         };
         for (kind, with, ground) in [
             ("sweep", None, Some(&new)),
@@ -428,9 +400,14 @@ mod tests {
                 "sweep",
                 Some(9),
                 Some(&report),
-                "run 9 is none that the ground station has; it has 3, 4, 5",
+                "run 9 is none that the ground station has; its newest is run 5",
             ),
-            ("sweep", Some(1), Some(&new), "it has none"),
+            (
+                "sweep",
+                Some(1),
+                Some(&new),
+                "none that the ground station has",
+            ),
         ] {
             let refused = judged(kind, with, ground).unwrap_err();
             assert!(refused.contains(reason), "{kind} {with:?}: {refused}");

@@ -363,7 +363,7 @@ impl PageServer {
             .map_err(GateRefusal::Unreadable)?;
         if let Some(mission) = &mission {
             let ground = self.board.view().ground(now).map(|report| &report.value);
-            let judged = OrderRequest::judge_mission(mission, ground);
+            let judged = mission.judge(ground).map_err(|misfit| misfit.to_string());
             judged.map_err(GateRefusal::Unreadable)?;
         }
         self.tell(now, &BoardInput::Ordered(request.clone()));
@@ -384,7 +384,9 @@ impl PageServer {
         body: &[u8],
     ) -> Result<u32, GateRefusal> {
         self.gate.judge_authorization(authorization)?;
-        let order = MarkOrder::read(body).map_err(GateRefusal::Unreadable)?;
+        let order = MarkOrder::read(body)
+            .and_then(|order| order.within(&self.venue))
+            .map_err(GateRefusal::Unreadable)?;
         self.gate.judge_mark(now)?;
         self.tell(now, &BoardInput::MarkGiven(order.clone()));
         let number = self.board.marks().given.last();

@@ -54,7 +54,8 @@ struct PairSamples {
 #[derive(Clone, Debug, Default)]
 pub struct RadioView {
     pairs: BTreeMap<Pair, PairSamples>,
-    /// The highest sequence of each source; what is said again is not counted again.
+    /// The newest sample of each vehicle, by start, run and number; what is said again is not counted again, also of an
+    /// earlier start or run.
     highest: BTreeMap<VehicleId, (Boot, RunId, u64)>,
     fitted: VecDeque<Link>,
     law: Option<PathLoss>,
@@ -107,9 +108,7 @@ impl RadioView {
     fn is_new(&mut self, batch: &Samples, sequence: u64) -> bool {
         let source = (batch.boot, batch.run, sequence);
         let known = self.highest.get(&batch.vehicle);
-        let is_known = known.is_some_and(|(boot, run, highest)| {
-            (*boot, *run) == (batch.boot, batch.run) && sequence <= *highest
-        });
+        let is_known = known.is_some_and(|highest| source <= *highest);
         if !is_known {
             self.highest.insert(batch.vehicle, source);
         }
@@ -213,6 +212,24 @@ mod tests {
             radio.pair((VehicleId(2), VehicleId(1))).is_none(),
             "a pair has a direction"
         );
+    }
+
+    #[test]
+    fn what_is_said_again_of_an_earlier_start_or_run_is_not_news() {
+        let mut radio = RadioView::default();
+        let of = |boot, run, sequence, rssi_dbm| Samples {
+            boot: Boot(boot),
+            run: RunId(run),
+            ..batch(vec![sample(sequence, 7.0, 2, 4.0, Some(rssi_dbm))])
+        };
+        assert_eq!(radio.hear(at(1.0), &of(1, 1, 900, -70)), [PAIR]);
+        assert_eq!(radio.hear(at(2.0), &of(1, 2, 0, -60)), [PAIR]);
+        assert_eq!(radio.hear(at(3.0), &of(2, 2, 0, -50)), [PAIR]);
+        for old in [of(1, 1, 900, -70), of(1, 1, 901, -70), of(1, 2, 1, -60)] {
+            assert_eq!(radio.hear(at(4.0), &old), []);
+        }
+        let known = radio.pair(PAIR).unwrap();
+        assert_eq!((known.rssi_dbm, known.at), (Some(-50), at(3.0)));
     }
 
     #[test]

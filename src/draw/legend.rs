@@ -38,10 +38,11 @@ pub(super) struct Legend {
 }
 
 impl Legend {
-    /// Makes the legend from colours to explain and from the overlays used, each kind once, each vehicle's track once.
+    /// Makes the legend from colours to explain and from the overlays that are drawn, each kind once, each vehicle's track once.
     pub(super) fn new(fills: Vec<LegendEntry>, overlays: &[Overlay]) -> Legend {
         let mut marks: Vec<(Mark, String)> = overlays
             .iter()
+            .filter(|overlay| overlay.is_drawn())
             .map(|overlay| (overlay.legend_mark(), short(&overlay.legend_text(), 32)))
             .collect();
         marks.sort();
@@ -108,7 +109,7 @@ mod tests {
 
     fn track(vehicle: u8) -> Overlay {
         Overlay::Track {
-            points: Vec::new(),
+            points: vec![geom::Point::default()],
             vehicle: VehicleId(vehicle),
         }
     }
@@ -133,6 +134,25 @@ mod tests {
                 "vehicle, in its colour"
             ]
         );
+    }
+
+    #[test]
+    fn what_is_not_drawn_is_not_named() {
+        let nobody_drove = Overlay::Track {
+            points: Vec::new(),
+            vehicle: VehicleId(1),
+        };
+        let round = Overlay::Outline {
+            polygon: geom::Polygon::new(vec![geom::Point::default()]),
+            label: None,
+        };
+        let legend = Legend::new(Vec::new(), &[nobody_drove, round]);
+        let texts: Vec<&str> = legend
+            .entries
+            .iter()
+            .map(|entry| entry.text.as_str())
+            .collect();
+        assert_eq!(texts, ["true outline"]);
     }
 
     #[test]

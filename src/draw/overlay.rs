@@ -19,7 +19,7 @@ pub enum Overlay {
         /// Written beside its longest edge.
         label: Option<String>,
     },
-    /// A true person.
+    /// A true person: a circle with a dot in it.
     Circle {
         /// The middle.
         at: Point,
@@ -149,6 +149,11 @@ impl Overlay {
             .into_iter()
             .filter(|place| place.is_finite())
             .collect()
+    }
+
+    /// Returns whether anything of it can be drawn.
+    pub(super) fn is_drawn(&self) -> bool {
+        matches!(self, Overlay::Direction { .. }) || !self.places().is_empty()
     }
 
     /// Returns the mark that stands for it in the legend: one for the vehicles and one for the homes of all colours.

@@ -16,6 +16,8 @@ use super::tracks;
 
 const CASING_PX: f64 = 2.4;
 const CIRCLE_LEAST_PX: f64 = 4.0;
+/// Radius of the dot within a person, pixels.
+const DOT_PX: f64 = 1.2;
 const OUTLINE_MOST: usize = 600;
 /// So many squared deviations from the mean lie 90 % in the plane.
 const CHI_SQUARED_90: f64 = 4.605;
@@ -99,7 +101,7 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
                 place(-12.0, 5.0),
             ]]
         }
-        Mark::Circle => vec![circle(middle, 6.0)],
+        Mark::Circle => person(middle, 6.0),
         Mark::Cross => cross(middle),
         Mark::Find => {
             let mut paths = cross(middle);
@@ -158,7 +160,7 @@ pub(super) fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
             vec![points.iter().map(|point| layout.place(*point)).collect()]
         }
         Overlay::Circle { at, radius_m, .. } => {
-            vec![circle(layout.place(*at), radius_px(*radius_m, layout))]
+            person(layout.place(*at), radius_px(*radius_m, layout))
         }
         Overlay::Cross { at, .. } => cross(layout.place(*at)),
         Overlay::Find {
@@ -193,6 +195,11 @@ fn circle(middle: At, radius_px: f64) -> Vec<At> {
     };
     // The last place is the first again, exactly, whatever the sine of a full turn is.
     (0..=pieces).map(|i| place(i % pieces)).collect()
+}
+
+/// Returns a circle with a dot in its middle: the outline of a round object has none.
+fn person(middle: At, radius_px: f64) -> Vec<Vec<At>> {
+    vec![circle(middle, radius_px), circle(middle, DOT_PX)]
 }
 
 fn cross(middle: At) -> Vec<Vec<At>> {

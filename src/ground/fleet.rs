@@ -21,6 +21,11 @@ use crate::stops::first_that_stops;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;
 
+/// When no vehicle has been heard for this long, nothing is known of any.
+const SILENT_AFTER: Duration = Duration::from_secs(10);
+/// After such a silence they are gone.
+const SILENT_AT_MOST: Duration = Duration::from_secs(3600);
+
 /// All vehicles that the ground expects.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Fleet {
@@ -234,6 +239,13 @@ impl Fleet {
     /// Takes the open orders for said.
     pub(crate) fn note_said(&mut self) {
         self.members.values_mut().for_each(FleetMember::note_said);
+    }
+
+    /// Returns whether no vehicle is heard just now; after a very long silence they are taken to be gone.
+    pub(crate) fn is_silent(&self, now: Time) -> bool {
+        let heard = self.members.values().filter_map(FleetMember::heard_at);
+        let silence = heard.max().map(|heard_at| now.since(heard_at));
+        silence.is_some_and(|silence| silence > SILENT_AFTER && silence < SILENT_AT_MOST)
     }
 
     /// Returns who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from

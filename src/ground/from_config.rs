@@ -217,11 +217,13 @@ pub fn image_settings(
     subject: Subject,
 ) -> ImageSettings {
     let mut settings = ImageSettings::for_area(area);
-    settings.grid = PixelGrid {
-        area,
-        columns: imaging.columns,
-        rows: imaging.rows,
-    };
+    if let Some((columns, rows)) = imaging.pixels {
+        settings.grid = PixelGrid {
+            area,
+            columns,
+            rows,
+        };
+    }
     settings.shortest_link_m = imaging.min_link_m;
     settings.pairing_m = imaging.bin_m;
     settings.noise.sensitivity_dbm = sensitivity_dbm;

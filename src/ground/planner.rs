@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Revision, RunId, StopId, SweepPlanner, TaskKind, VehicleId};
 
 use crate::actor::{Actor, Fault, Input, InputClass};
+use crate::config::SweepConfig;
 use crate::geom::Point;
 use crate::sweep::{
     self, FanRequest, GapRequest, Pattern, PatternKind, PatternRequest, PlannedSweep, Ring,
@@ -49,36 +50,89 @@ pub enum Method {
 /// A sweep as an operator wants it.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SweepTask {
-    /// How it is swept.
-    pub method: Method,
-    /// Positions on the border of the area.
-    pub positions: usize,
+    planner: Option<SweepPlanner>,
+    positions: Option<usize>,
+    laps: Option<usize>,
+    dwell: Option<Duration>,
+    dwell_limit: Option<Duration>,
 }
 
 impl SweepTask {
     /// Returns how a task is to be swept; `None` when nothing is swept in it.
     pub fn of(task: &TaskKind) -> Option<SweepTask> {
-        let TaskKind::Sweep {
-            planner,
-            positions,
-            laps,
-            dwell_ms,
-            dwell_limit_ms,
-        } = task
-        else {
-            return None;
+        let (planner, positions, laps, dwell_ms, dwell_limit_ms) = match *task {
+            TaskKind::Sweep {
+                planner,
+                positions,
+                laps,
+                dwell_ms,
+                dwell_limit_ms,
+            } => (
+                Some(planner),
+                Some(positions),
+                laps,
+                Some(dwell_ms),
+                Some(dwell_limit_ms),
+            ),
+            TaskKind::ConfiguredSweep {
+                planner,
+                positions,
+                laps,
+                dwell_ms,
+                dwell_limit_ms,
+            } => (planner, positions, laps, dwell_ms, dwell_limit_ms),
+            TaskKind::Legs { .. }
+            | TaskKind::Forward { .. }
+            | TaskKind::Browse
+            | TaskKind::Search
+            | TaskKind::Pathfind { .. }
+            | TaskKind::Explore
+            | TaskKind::Patrol { .. }
+            | TaskKind::Stored { .. } => return None,
         };
-        let laps = laps.map(usize::from);
-        let (dwell, dwell_limit) = (
-            Duration::from_millis((*dwell_ms).into()),
-            Duration::from_millis((*dwell_limit_ms).into()),
-        );
+        let milliseconds = |number: u32| Duration::from_millis(number.into());
+        Some(SweepTask {
+            planner,
+            positions: positions.map(usize::from),
+            laps: laps.map(usize::from),
+            dwell: dwell_ms.map(milliseconds),
+            dwell_limit: dwell_limit_ms.map(milliseconds),
+        })
+    }
+
+    /// Returns the positions on the border and the method, where the ground station has others of its own.
+    fn over(&self, (positions, method): (usize, Method)) -> (usize, Method) {
+        let usual = SweepConfig::default();
+        let usual = (usual.dwell(), usual.dwell_limit());
+        let (planner, laps, (dwell, dwell_limit)) = match method {
+            Method::RotatingGap { laps } => (SweepPlanner::RotatingGap, laps, usual),
+            Method::Fan {
+                rounds,
+                dwell,
+                dwell_limit,
+            } => (SweepPlanner::Fan, rounds, (dwell, dwell_limit)),
+            Method::Pattern {
+                kind,
+                dwell,
+                dwell_limit,
+            } => {
+                let planner = match kind {
+                    PatternKind::Calibrate => SweepPlanner::Calibrate,
+                    PatternKind::Fan => SweepPlanner::FanCorners,
+                    PatternKind::FanStraight => SweepPlanner::FanStraight,
+                };
+                (planner, None, (dwell, dwell_limit))
+            }
+        };
+        let laps = self.laps.or(laps);
+        let dwell = self.dwell.unwrap_or(dwell);
+        let dwell_limit = self.dwell_limit.unwrap_or(dwell_limit).max(dwell);
         let pattern = |kind| Method::Pattern {
             kind,
             dwell,
             dwell_limit,
         };
-        let method = match planner {
+        let method = match self.planner.unwrap_or(planner) {
             SweepPlanner::RotatingGap => Method::RotatingGap { laps },
             SweepPlanner::Fan => Method::Fan {
                 rounds: laps,
@@ -89,10 +143,7 @@ impl SweepTask {
             SweepPlanner::FanCorners => pattern(PatternKind::Fan),
             SweepPlanner::FanStraight => pattern(PatternKind::FanStraight),
         };
-        Some(SweepTask {
-            method,
-            positions: usize::from(*positions),
-        })
+        (self.positions.unwrap_or(positions), method)
     }
 }
 
@@ -167,7 +218,9 @@ impl PlannerActor {
     fn plan(&self, request: &Request) -> Result<PlannedSweep, SweepError> {
         match request.task {
             None => plan(&self.ring, self.method, self.separation_m, request),
-            Some(SweepTask { method, positions }) => {
+            Some(task) => {
+                let own = (self.ring.positions(), self.method);
+                let (positions, method) = task.over(own);
                 let ring = Ring::new(self.ring.area(), positions)?;
                 plan(&ring, method, self.separation_m, request)
             }

@@ -114,7 +114,10 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             Destination::Edge(Effect::Remember(memory))
         }
         Output::Imager(picture) => {
-            let made = station::In::Pictured(station::PictureName::of(&picture));
+            let made = station::In::Pictured {
+                name: station::PictureName::of(&picture),
+                is_made: picture.result.is_ok(),
+            };
             let published = image_publisher::In::Made(picture.clone());
             to.push(Destination::ImagePublisher(published));
             to.push(Destination::Edge(Effect::Picture(picture)));

@@ -2,7 +2,7 @@
 //! judged here.
 //!
 //! Memory is bounded whatever is sent: of one source so many sequences above a gap, and so many sources. What is refused
-//! is not acknowledged, so its sender keeps it and sends it again.
+//! is not acknowledged, so its sender keeps it and sends it again. What its sender says is lost is waited for no longer.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,10 +11,9 @@ use tomoswarm_proto::{
     Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS,
 };
 
+use crate::exchange::sequences::ReceivedSequences;
 use crate::tomo::{Link, LinkBins};
 
-/// Sequences above a gap that are kept of one source.
-const BEYOND_MAX: usize = 65_536;
 /// Sources at most; one for every start of a vehicle's software in every run.
 const SOURCES_MAX: usize = 16_384;
 /// Bin pairs of one run at most, 20 times those of a long sweep by eight vehicles.
@@ -65,42 +64,13 @@ impl MeasuredSample {
     }
 }
 
-/// What has been received of one source.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct Received {
-    /// Every sequence below is stored.
-    below: u64,
-    /// Stored sequences above a gap.
-    beyond: BTreeSet<u64>,
-}
-
-impl Received {
-    /// Returns whether a sequence is not stored yet.
-    fn is_new(&self, sequence: u64) -> bool {
-        sequence >= self.below && !self.beyond.contains(&sequence)
-    }
-
-    /// Records a sequence; returns whether there was room for it.
-    fn take(&mut self, sequence: u64) -> bool {
-        let is_room = sequence == self.below || self.beyond.len() < BEYOND_MAX;
-        if !is_room || sequence == u64::MAX {
-            return false;
-        }
-        self.beyond.insert(sequence);
-        while self.beyond.remove(&self.below) {
-            self.below += 1;
-        }
-        true
-    }
-}
-
 /// All samples of all runs, binned into links.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SampleStore {
     store: u64,
     bin_m: f64,
     spot_m: f64,
-    received: BTreeMap<Source, Received>,
+    received: BTreeMap<Source, ReceivedSequences>,
     bins: BTreeMap<RunId, LinkBins>,
     count: BTreeMap<RunId, u64>,
     /// Samples for which there was no room.
@@ -147,13 +117,14 @@ impl SampleStore {
                 self.refused = self.refused.saturating_add(1);
             }
         }
+        received.pass_over(&batch.lost);
         *self.count.entry(batch.run).or_default() += new as u64;
         new
     }
 
     /// Tells vehicles what they may forget: of the newest runs at every `turn`, of more than fit in turn.
     pub fn have(&self, closed: &BTreeSet<RunId>, turn: u64) -> Have {
-        let mut sources: Vec<(&Source, &Received)> = self.received.iter().collect();
+        let mut sources: Vec<(&Source, &ReceivedSequences)> = self.received.iter().collect();
         sources.sort_by_key(|((vehicle, boot, run), _)| std::cmp::Reverse((*run, *boot, *vehicle)));
         let older = sources.split_off(sources.len().min(WATERMARKS_ALWAYS));
         let pages = older.len().div_ceil(MARKS_IN_TURN).max(1) as u64;
@@ -165,11 +136,11 @@ impl SampleStore {
                 .take(MARKS_IN_TURN),
         );
         sources.sort_by_key(|(source, _)| **source);
-        let mark = |((vehicle, boot, run), received): &(&Source, &Received)| HeardFrom {
+        let mark = |((vehicle, boot, run), received): &(&Source, &ReceivedSequences)| HeardFrom {
             vehicle: *vehicle,
             boot: *boot,
             run: *run,
-            below: received.below,
+            below: received.below(),
         };
         let old = closed.len().saturating_sub(CLOSED_MAX);
         let closed = closed.iter().skip(old).copied().collect();
@@ -199,7 +170,7 @@ impl SampleStore {
     pub fn has_gaps(&self, run: RunId) -> bool {
         self.received
             .iter()
-            .any(|((_, _, of), received)| *of == run && !received.beyond.is_empty())
+            .any(|((_, _, of), received)| *of == run && received.has_gap())
     }
 
     /// Returns how many links a run has.
@@ -220,7 +191,10 @@ impl SampleStore {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::LostSamples;
+
     use super::*;
+    use crate::exchange::sequences::BEYOND_MAX;
     use crate::geom::Point;
 
     fn batch(sequences: &[u64]) -> Samples {
@@ -284,6 +258,21 @@ mod tests {
         assert_eq!(store.take(&batch(&flood)), 100_000 - 1 - BEYOND_MAX);
         assert_eq!(below(&store), 100_000);
         assert_eq!(store.count(RunId(1)), 100_000);
+    }
+
+    #[test]
+    fn what_its_sender_has_lost_holds_nothing_up() {
+        let mut store = SampleStore::new(7, 0.5, 0.0625);
+        assert_eq!(store.take(&batch(&[0, 1, 4])), 3);
+        assert!(store.has_gaps(RunId(1)));
+        let lost = vec![LostSamples { from: 2, until: 4 }];
+        let told = Samples {
+            lost,
+            ..batch(&[4, 5])
+        };
+        assert_eq!(store.take(&told), 1);
+        assert_eq!((below(&store), store.count(RunId(1))), (6, 4));
+        assert!(!store.has_gaps(RunId(1)));
     }
 
     #[test]

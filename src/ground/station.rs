@@ -46,16 +46,17 @@ mod ticks;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Lease, Message, MissionKind, MissionProgress, OrderKind, RunEnd, RunId, Samples, State,
-    Task, TileReport,
+    Lease, Message, MissionKind, MissionProgress, OrderKind, RunEnd, RunId, Samples, State, Task,
+    TileReport,
 };
 
 use self::execution::{Conditions, IdleLimits, SweepExecution, SweepOutput, SweepRun};
 use self::fleet_map::FleetMap;
 use self::leases::{Change, Leases};
-use self::lost_vehicles::{SilenceLimits, are_enough_heard};
+use self::lost_vehicles::are_enough_heard;
 pub use self::memory::StationMemory;
 use self::memory::{PartsToRemember, StoredState};
+use self::messages::StationConstants;
 pub use self::messages::{In, Key, Out, StationEvent, StationSettings};
 use self::ongoing_images::OngoingImages;
 use self::order_in_force::OrderInForce;
@@ -75,22 +76,10 @@ use crate::map::Merged;
 use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
 
-/// What the station is made with, and never changes.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Constants {
-    boot: Boot,
-    /// The run with which runs are compared that have no task.
-    compare_with: Option<RunId>,
-    silence: SilenceLimits,
-    image_times: ImageTimes,
-    /// The length of the fence, metres.
-    fence_m: f64,
-}
-
 /// The station actor.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Station {
-    constants: Constants,
+    constants: StationConstants,
     leases: Leases,
     fleet: Fleet,
     map: FleetMap,
@@ -118,13 +107,7 @@ impl Station {
         };
         let listening = Leases::listening(none, settings.take_over);
         let mut station = Station {
-            constants: Constants {
-                boot: settings.boot,
-                compare_with: settings.compare_with,
-                silence: SilenceLimits::new(settings.lost_after, settings.autonomy),
-                image_times: settings.image_times,
-                fence_m: settings.fence_m,
-            },
+            constants: StationConstants::of(&settings),
             leases: settings.lease.map_or(listening, Leases::held),
             fleet: Fleet::new(&settings.vehicles, settings.lease.unwrap_or(none)),
             map: FleetMap::new(settings.lattice),
@@ -266,6 +249,13 @@ impl Station {
         self.execution.hear(now, shown);
         if let Some(run) = shown.started {
             self.runs.start(now, run, self.constants.compare_with);
+            if self.leases.holds() {
+                let make_way =
+                    |it: &mut SweepExecution, _: &Conditions<'_>, produced: &mut Vec<_>| {
+                        it.make_way(run, produced);
+                    };
+                self.execute(now, make_way, out);
+            }
         }
         let change = self.leases.heard(now, lease);
         self.lease_changed(now, change, out);
@@ -425,6 +415,7 @@ impl Station {
             lease: self.leases.own(),
             is_held: self.order.is_any(),
             stores_samples: self.stores_samples,
+            is_deaf: self.fleet.is_silent(now),
         };
         let mut outputs = Vec::new();
         step(&mut self.execution, &at, &mut outputs);
@@ -528,7 +519,6 @@ impl Station {
             order: self.order,
             runs: &self.runs,
             execution: &self.execution,
-            pictures: &self.pictures,
             strangers: self.strangers,
         }
     }
@@ -554,12 +544,12 @@ impl Actor for Station {
                 self.fleet.stop(&open);
                 self.update_order(now, out);
             }
-            In::Pictured(name) => {
+            In::Pictured { name, is_made } => {
                 self.ongoing_images.take(name);
+                self.runs.count_pictures(name.run, u32::from(is_made));
                 if name.stage == ImageStage::Ongoing {
                     return Ok(());
                 }
-                self.runs.count_picture(name.run);
                 if self.pictures.take(name) {
                     self.runs.end(name.run, RunEnd::Done, "");
                 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{PoseReport, Position};
 
 use super::OwnState;
 use crate::geom::{Pose, Vector};
@@ -16,6 +17,8 @@ const POSE_AGE_MAX: Duration = Duration::from_millis(500);
 pub(super) struct LastPose {
     pose_sd_max_m: f64,
     last: Option<(Time, Pose, f64)>,
+    /// Above home, metres.
+    altitude_m: f64,
 }
 
 impl LastPose {
@@ -24,12 +27,23 @@ impl LastPose {
         LastPose {
             pose_sd_max_m,
             last: None,
+            altitude_m: 0.0,
         }
     }
 
     /// Takes the newest state.
     pub(super) fn take(&mut self, now: Time, state: &OwnState) {
         self.last = Some((now, state.pose, state.speed_mps));
+        self.altitude_m = state.flight_state.altitude_m;
+    }
+
+    /// Returns the pose now as it travels, with the last altitude.
+    pub(super) fn report(&self, now: Time) -> Option<PoseReport> {
+        let pose = self.pose(now)?;
+        Some(PoseReport {
+            at: Position::from_metres(pose.at.x_m, pose.at.y_m, self.altitude_m),
+            ..pose.into()
+        })
     }
 
     /// Returns the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.
@@ -60,6 +74,16 @@ mod tests {
         let later = place.pose(Time::from_secs_f64(0.4)).unwrap();
         assert!((later.at.x_m - 2.2).abs() < 1e-9);
         assert_eq!(place.pose(Time::from_secs_f64(0.6)), None);
+    }
+
+    #[test]
+    fn it_travels_with_its_altitude() {
+        let mut place = LastPose::unknown(0.5);
+        let mut flying = own_state(2.0, 1.0);
+        flying.flight_state.altitude_m = 3.5;
+        place.take(Time::ZERO, &flying);
+        let at = place.report(Time::ZERO).unwrap().at;
+        assert_eq!((at.x_m(), at.y_m(), at.z_m()), (2.0, 1.0, 3.5));
     }
 
     #[test]

@@ -13,6 +13,9 @@
 //!
 //! Deadline: `flush`.
 
+mod held;
+mod lost;
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -25,21 +28,15 @@ use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::sweep::VOID_AFTER;
 use crate::time::{Deadline, Time};
 
+use held::HeldSamples;
+use lost::LostRanges;
+
 /// Samples are sent this often.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// What the ground has not confirmed after this long is sent again.
-const REPEAT_AFTER: Duration = Duration::from_secs(4);
-/// So often; then after twice as long, and so on: a bus that loses much gets it across before the run is closed without it,
-/// and what a gap holds up for good costs little.
-const REPEATS_SOON: u8 = 3;
-/// The wait before a repetition is doubled so often at most: about four minutes.
-const DOUBLINGS: u8 = 6;
 /// A ground that was not heard for this long may have missed what was sent meanwhile.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
 /// Batches sent at a time at most, so that what a long cut has left does not flood the bus: 80 kB/s.
 const BATCHES: usize = 8;
-/// Samples of one batch; about 10 kB.
-const BATCH: usize = 128;
 /// Samples held in memory at most, about 8 MB; more stay at the edge.
 const CAPACITY: usize = 50_000;
 /// Samples asked for at a time.
@@ -62,9 +59,17 @@ pub struct SampleKey {
     pub sequence: u64,
 }
 
+impl SampleKey {
+    fn source(&self) -> Source {
+        (self.boot, self.run)
+    }
+}
+
 /// A chunk of what is kept at the edge.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Recalled {
+    /// After which place they were asked for; `None` = from the beginning.
+    pub after: Option<SampleKey>,
     /// Samples in ascending order of their places, at most [`CHUNK`] of them.
     pub samples: Vec<(Boot, RunId, Sample)>,
     /// Whether nothing is kept beyond them.
@@ -128,16 +133,6 @@ pub struct OutboxCounts {
 /// Names who counts sequences.
 type Source = (Boot, RunId);
 
-/// A sample that was sent and is not confirmed.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Sent {
-    sample: Sample,
-    /// When it is sent again.
-    due: Time,
-    /// How often it was sent again.
-    repeats: u8,
-}
-
 /// What a store says that it has.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Mark {
@@ -151,16 +146,15 @@ struct Mark {
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Reading {
     after: Option<SampleKey>,
-    asked: Option<Time>,
+    /// When more was asked for, and after which place.
+    asked: Option<(Time, Option<SampleKey>)>,
 }
 
 /// The outbox actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outbox {
     vehicle: VehicleId,
-    /// Never sent.
-    fresh: BTreeMap<SampleKey, Sample>,
-    sent: BTreeMap<SampleKey, Sent>,
+    held: HeldSamples,
     /// The ground's store and when it was last heard.
     store: Option<(u64, Time)>,
     /// What that store has.
@@ -174,7 +168,10 @@ pub struct Outbox {
     reading: Option<Reading>,
     /// Whether something is kept at the edge that was passed over here.
     is_behind: bool,
+    /// How many were lost.
     lost: u64,
+    /// Which the edge has no more and are not held here: lost ones, and those that another store has.
+    gone: LostRanges,
     flush_at: Option<Time>,
     /// What was told last of how it fares.
     tallied: OutboxCounts,
@@ -185,8 +182,7 @@ impl Outbox {
     pub fn new(vehicle: VehicleId) -> Outbox {
         Outbox {
             vehicle,
-            fresh: BTreeMap::new(),
-            sent: BTreeMap::new(),
+            held: HeldSamples::default(),
             store: None,
             marks: BTreeMap::new(),
             closed: BTreeMap::new(),
@@ -195,6 +191,7 @@ impl Outbox {
             reading: None,
             is_behind: false,
             lost: 0,
+            gone: LostRanges::default(),
             flush_at: None,
             tallied: OutboxCounts::default(),
         }
@@ -202,7 +199,7 @@ impl Outbox {
 
     /// Returns how many samples are held that the ground has not confirmed.
     pub fn waiting(&self) -> usize {
-        self.fresh.len() + self.sent.len()
+        self.held.len()
     }
 
     fn tally(&mut self, out: &mut Vec<Out>) {
@@ -231,14 +228,14 @@ impl Outbox {
             run,
             sequence: sample.sequence,
         };
-        if self.has(place) || self.sent.contains_key(&place) {
+        if self.has(place) || self.held.is_sent(place) {
             return;
         }
         if self.waiting() >= CAPACITY {
             self.is_behind = true;
             return;
         }
-        self.fresh.insert(place, sample);
+        self.held.add(place, sample);
     }
 
     /// Returns up to where the ground has the samples of a source.
@@ -256,9 +253,11 @@ impl Outbox {
         let Some(reading) = &mut self.reading else {
             return;
         };
-        if reading.asked.take().is_none() {
-            return; // an answer that came too late, to a question that was asked again
+        if reading.asked.is_none_or(|(_, after)| after != chunk.after) {
+            return; // an answer that came too late, to a question that was asked again or of an earlier reading
         }
+        reading.asked = None;
+        let mut read_to = reading.after;
         let last = chunk.samples.last().map(|(boot, run, sample)| SampleKey {
             boot: *boot,
             run: *run,
@@ -269,37 +268,40 @@ impl Outbox {
             self.reading = None;
         }
         for (boot, run, sample) in chunk.samples {
+            let source = (boot, run);
+            // The edge is read in order: it has none between two that follow each other.
+            let from = match read_to {
+                Some(place) if place.source() == source => place.sequence + 1,
+                Some(_) | None => 0,
+            };
+            self.gone(source, from, sample.sequence);
             self.hold(boot, run, sample);
+            read_to = Some(SampleKey {
+                boot,
+                run,
+                sequence: sample.sequence,
+            });
         }
     }
 
+    /// Notes that the edge has none from one sequence of a source to another, exclusive; returns how many of them are neither
+    /// held here nor confirmed.
+    fn gone(&mut self, source: Source, from: u64, until: u64) -> u64 {
+        let from = from.max(self.below(source).unwrap_or(0));
+        if from >= until {
+            return 0;
+        }
+        let held = self.held.between(source, from, until);
+        self.gone.add(source, from, until, held.into_iter())
+    }
+
     fn dropped(&mut self, dropped: DroppedSamples) {
-        let DroppedSamples {
-            first:
-                SampleKey {
-                    boot,
-                    run,
-                    sequence,
-                },
-            below,
-        } = dropped;
-        let from = sequence.max(self.below((boot, run)).unwrap_or(0));
-        let end = SampleKey {
+        let SampleKey {
             boot,
             run,
-            sequence: below,
-        };
-        let held = if from < below {
-            let first = SampleKey {
-                boot,
-                run,
-                sequence: from,
-            };
-            self.fresh.range(first..end).count() + self.sent.range(first..end).count()
-        } else {
-            0
-        };
-        self.lost += below.saturating_sub(from).saturating_sub(held as u64);
+            sequence,
+        } = dropped.first;
+        self.lost += self.gone((boot, run), sequence, dropped.below);
     }
 
     /// Takes in what the ground has. A store that was not heard before has nothing yet: it is sent everything that is
@@ -312,7 +314,7 @@ impl Outbox {
             }
             Some((store, at)) if store == have.store => {
                 if is_silent(at) {
-                    self.repeat_all(now);
+                    self.held.repeat_all(now);
                 }
             }
             Some(_) | None => self.begin_store(now),
@@ -351,15 +353,9 @@ impl Outbox {
     fn begin_store(&mut self, now: Time) {
         self.marks.clear();
         self.closed.clear();
-        self.repeat_all(now);
+        self.held.repeat_all(now);
         self.reading = Some(Reading::default());
         self.is_behind = false;
-    }
-
-    fn repeat_all(&mut self, now: Time) {
-        for sent in self.sent.values_mut() {
-            (sent.due, sent.repeats) = (now, 0);
-        }
     }
 
     fn take_mark(&mut self, now: Time, mark: &HeardFrom) {
@@ -367,11 +363,12 @@ impl Outbox {
             below: mark.below,
             at: now,
         };
-        let known = self.marks.entry((mark.boot, mark.run)).or_insert(sent_at);
+        let source = (mark.boot, mark.run);
+        let known = self.marks.entry(source).or_insert(sent_at);
         if mark.below >= known.below {
             *known = sent_at;
-            drop_below(&mut self.fresh, mark);
-            drop_below(&mut self.sent, mark);
+            self.held.confirm(source, mark.below);
+            self.gone.confirm(source, mark.below);
         } else if now.since(known.at) >= VOID_AFTER {
             *known = sent_at;
             self.reading = Some(Reading::default());
@@ -413,71 +410,6 @@ impl Outbox {
         }
     }
 
-    /// Takes the next batch of what was never sent.
-    fn fresh_batch(&mut self, now: Time) -> Option<Samples> {
-        let (SampleKey { boot, run, .. }, _) = self.fresh.first_key_value()?;
-        let (boot, run) = (*boot, *run);
-        let mut samples = Vec::with_capacity(BATCH);
-        while samples.len() < BATCH {
-            let first = self.fresh.first_entry().filter(|entry| {
-                let place = entry.key();
-                (place.boot, place.run) == (boot, run)
-            });
-            let Some((place, sample)) = first.map(|entry| entry.remove_entry()) else {
-                break;
-            };
-            samples.push(sample);
-            self.sent.insert(
-                place,
-                Sent {
-                    sample,
-                    due: now + REPEAT_AFTER,
-                    repeats: 0,
-                },
-            );
-        }
-        Some(Samples {
-            vehicle: self.vehicle,
-            boot,
-            run,
-            samples,
-            lost: Vec::new(),
-        })
-    }
-
-    /// Returns batches of what is due again, at most so many.
-    fn due_batches(&mut self, now: Time, most: usize) -> Vec<Samples> {
-        let mut batches: Vec<Samples> = Vec::new();
-        for (place, sent) in self.sent.iter_mut().filter(|(_, sent)| sent.due <= now) {
-            let SampleKey {
-                boot,
-                run,
-                sequence: _,
-            } = *place;
-            let fits = |batch: &Samples| {
-                (batch.boot, batch.run) == (boot, run) && batch.samples.len() < BATCH
-            };
-            if !batches.last().is_some_and(fits) {
-                if batches.len() == most {
-                    break;
-                }
-                batches.push(Samples {
-                    vehicle: self.vehicle,
-                    boot,
-                    run,
-                    ..Samples::default()
-                });
-            }
-            let Some(batch) = batches.last_mut() else {
-                break;
-            };
-            batch.samples.push(sent.sample);
-            sent.repeats = sent.repeats.saturating_add(1).min(REPEATS_SOON + DOUBLINGS);
-            sent.due = now + REPEAT_AFTER * (1 << sent.repeats.saturating_sub(REPEATS_SOON));
-        }
-        batches
-    }
-
     /// Asks for more of what is kept at the edge, when there is room.
     fn recall(&mut self, now: Time, out: &mut Vec<Out>) {
         if self.waiting() + CHUNK > CAPACITY {
@@ -490,10 +422,12 @@ impl Outbox {
         let Some(reading) = &mut self.reading else {
             return;
         };
-        if reading.asked.is_some_and(|at| now.since(at) < RECALL_AFTER) {
+        if reading
+            .asked
+            .is_some_and(|(at, _)| now.since(at) < RECALL_AFTER)
+        {
             return;
         }
-        reading.asked = Some(now);
         // What the ground has need not be read.
         let beyond = |place: SampleKey| match marks.get(&(place.boot, place.run)) {
             Some(mark) => SampleKey {
@@ -502,33 +436,13 @@ impl Outbox {
             },
             None => place,
         };
-        out.push(Out::Recall {
-            after: reading.after.map(beyond),
-        });
+        let after = reading.after.map(beyond);
+        reading.asked = Some((now, after));
+        out.push(Out::Recall { after });
     }
 
     fn has_work(&self) -> bool {
         self.waiting() > 0 || self.reading.is_some() || self.is_behind
-    }
-}
-
-/// Drops what a watermark covers.
-fn drop_below<T>(places: &mut BTreeMap<SampleKey, T>, mark: &HeardFrom) {
-    let is_covered = |place: &SampleKey| {
-        (place.boot, place.run) == (mark.boot, mark.run) && place.sequence < mark.below
-    };
-    let first = SampleKey {
-        boot: mark.boot,
-        run: mark.run,
-        sequence: 0,
-    };
-    while let Some(place) = places
-        .range(first..)
-        .next()
-        .map(|(place, _)| *place)
-        .filter(is_covered)
-    {
-        places.remove(&place);
     }
 }
 
@@ -557,17 +471,16 @@ impl Actor for Outbox {
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        let mut room = BATCHES;
-        while room > 0 {
-            let Some(batch) = self.fresh_batch(now) else {
-                break;
-            };
-            out.push(Out::Publish(batch));
-            room -= 1;
-        }
-        if room > 0 {
-            out.extend(self.due_batches(now, room).into_iter().map(Out::Publish));
-        }
+        let batches = self.held.batches(now, BATCHES);
+        out.extend(batches.into_iter().map(|(source, samples)| {
+            Out::Publish(Samples {
+                vehicle: self.vehicle,
+                boot: source.0,
+                run: source.1,
+                samples,
+                lost: self.gone.first_of(source),
+            })
+        }));
         self.recall(now, out);
         self.tally(out);
         self.flush_at = self.has_work().then_some(now + FLUSH_EVERY);

@@ -28,6 +28,8 @@ pub struct OwnState {
     pub sees: bool,
     /// Whether the motors have current.
     pub is_armed: bool,
+    /// Whether it stands on the ground; what drives always does.
+    pub is_landed: bool,
     /// Charge left, 0 to 1; `None` = the autopilot has ceased to say it.
     #[serde(with = "crate::autopilot::charge")]
     pub battery: Option<f64>,

@@ -77,9 +77,10 @@ pub struct BeaconReport {
 pub struct Radio {
     settings: VehicleSettings,
     place: LastPose,
-    /// Whether the vehicle was at rest, and whether its motors had current, when it was heard of last.
+    /// Whether the vehicle was at rest, whether its motors had current, and whether it flew, when it was heard of last.
     is_at_rest: bool,
     is_armed: bool,
+    is_airborne: bool,
     progress: Progress,
     measures: Option<RunId>,
     /// The emergency stops that are open; each beacon names one of them.
@@ -97,6 +98,7 @@ impl Radio {
             stops: settings.stops.open.clone(),
             is_at_rest: false,
             is_armed: false,
+            is_airborne: false,
             progress: Progress::default(),
             measures: None,
             ring: BeaconRing::new(settings.vehicle, settings.boot, &settings.radio),
@@ -124,7 +126,7 @@ impl Radio {
         }));
         let samples = self
             .reception
-            .take(now, heard, self.place.pose(now), self.measures);
+            .take(now, heard, self.place.report(now), self.measures);
         out.extend(
             samples
                 .into_iter()
@@ -152,6 +154,7 @@ impl Actor for Radio {
             In::State(state) => {
                 self.place.take(now, &state);
                 (self.is_at_rest, self.is_armed) = (state.is_at_rest, state.is_armed);
+                self.is_airborne = !state.is_landed;
             }
             In::Progress(progress) => self.progress = progress,
             In::Measure(run) => self.measures = run,
@@ -174,12 +177,12 @@ impl Actor for Radio {
             sender: self.settings.vehicle,
             boot: self.settings.boot,
             sequence,
-            pose: self.place.pose(now).map(Into::into),
+            pose: self.place.report(now),
             channel: self.settings.radio.channel,
             power_dbm: self.settings.radio.power_dbm,
             is_at_rest: self.is_at_rest,
             is_armed: self.is_armed,
-            is_airborne: false,
+            is_airborne: self.is_airborne,
             members: self.reception.heard_lately(now),
             progress: self.progress,
             stop: self.named_stop(sequence),

@@ -4,7 +4,8 @@
 //!
 //! It is told echoes, the vehicle's state, and that an operator looks through its eyes; it says where to steer, when to ping,
 //! scans, and to whoever asks what they were. It keeps no map and decides nothing about safety: a reading that looks like a
-//! glitch is marked as suspect, not hidden, since the reflex must see it all the same.
+//! glitch is marked as suspect, not hidden, since the reflex must see it all the same. One that is nearer than the sensor can
+//! measure is no reading at all.
 //!
 //! A reading that jumped is believed when it is seen again: along its beam at the next look, or along any beam within two
 //! rounds. (Who turns sees a thin thing along another beam each time.)

@@ -24,6 +24,7 @@ pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
         may_move: true,
         sees: true,
         is_armed: true,
+        is_landed: true,
         battery: Some(1.0),
         leg: None,
         stored: None,

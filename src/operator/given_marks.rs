@@ -1,6 +1,7 @@
 //! The marks that an operator has given, and which of them are still to be said: each every 200 ms until the ground station
 //! says the same, which is when it has stored it, or until its time is up. A mark without a run is one of the ground station's
-//! present run, or of its last one. It knows no lease: a mark moves nobody.
+//! present run, or of its last one; one in a run above all that it knows is refused, and so said only when it was heard. It knows
+//! no lease: a mark moves nobody.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -39,6 +40,13 @@ pub enum MarkOutcome {
     NotStored(Mark),
     /// It was withdrawn before.
     Withdrawn,
+    /// The ground station knows no such run, and so nothing was said.
+    UnknownRun {
+        /// The run that was named.
+        run: RunId,
+        /// The newest one that it knows; 0 = none.
+        newest: RunId,
+    },
 }
 
 impl fmt::Display for MarkOutcome {
@@ -57,6 +65,13 @@ impl fmt::Display for MarkOutcome {
                 )
             }
             MarkOutcome::Withdrawn => to.write_str("withdrawn"),
+            MarkOutcome::UnknownRun { run, newest } => match newest.0 {
+                0 => write!(
+                    to,
+                    "there is no run {run}: the ground station knows none yet"
+                ),
+                _ => write!(to, "there is no run {run}: the newest is {newest}"),
+            },
         }
     }
 }
@@ -116,8 +131,8 @@ impl GivenMarks {
 
     /// Returns what is to be said now, if anyone can be reached.
     pub(super) fn due(&mut self, now: Time, view: &FleetView, is_linked: bool) -> Vec<Mark> {
-        let present = view.ground(now).map(|report| &report.value);
-        let present = present.and_then(|report| {
+        let ground = view.ground(now).map(|report| &report.value);
+        let present = ground.and_then(|report| {
             let last = report.runs.last().map(|run| run.run);
             let runs = [Some(report.run), last];
             runs.into_iter().flatten().find(|run| run.0 > 0)
@@ -125,7 +140,9 @@ impl GivenMarks {
         let mut due = Vec::new();
         for given in self.0.values_mut().filter(|_| is_linked) {
             let run = given.said.map(|(mark, _)| mark.run);
-            let Some(run) = run.or(given.request.run).or(present) else {
+            let is_judged = ground.is_some() || !given.request.stands;
+            let named = given.request.run.filter(|_| is_judged);
+            let Some(run) = run.or(named).or(present) else {
                 continue;
             };
             if given.said.is_none_or(|(_, at)| now.since(at) >= REPEAT) {
@@ -138,12 +155,37 @@ impl GivenMarks {
         due
     }
 
+    /// Takes out the marks in runs above all that the ground station knows; one may be taken back in any run.
+    pub(super) fn of_unknown_runs(
+        &mut self,
+        now: Time,
+        view: &FleetView,
+    ) -> Vec<(u32, MarkOutcome)> {
+        let Some(report) = view.ground(now).map(|report| &report.value) else {
+            return Vec::new();
+        };
+        let runs = report.runs.iter().map(|run| run.run);
+        let newest = runs.fold(report.run, RunId::max);
+        let named = |given: &OpenMark| given.request.run.filter(|run| *run > newest);
+        let over = self
+            .take(|given| given.said.is_none() && given.request.stands && named(given).is_some());
+        let refused = |(number, given): (u32, OpenMark)| {
+            let run = named(&given)?;
+            Some((number, MarkOutcome::UnknownRun { run, newest }))
+        };
+        over.into_iter().filter_map(refused).collect()
+    }
+
     /// Returns the marks whose time is up.
     pub(super) fn given_up(&mut self, now: Time) -> Vec<(u32, MarkOutcome)> {
         let over = self.take(|given| now >= given.until).into_iter();
-        let outcome = |given: OpenMark| match given.said {
-            Some((mark, _)) => MarkOutcome::NotStored(mark),
-            None => MarkOutcome::NoRun,
+        let outcome = |given: OpenMark| {
+            let MarkRequest {
+                run, at, stands, ..
+            } = given.request;
+            let named = run.map(|run| Mark { run, at, stands });
+            let mark = given.said.map(|(mark, _)| mark).or(named);
+            mark.map_or(MarkOutcome::NoRun, MarkOutcome::NotStored)
         };
         over.map(|(number, given)| (number, outcome(given)))
             .collect()
@@ -225,11 +267,35 @@ mod tests {
     }
 
     #[test]
+    fn a_mark_in_a_run_above_all_that_the_ground_knows_is_refused_and_taken_back_all_the_same() {
+        let (mut marks, view) = (GivenMarks::default(), view_of(4));
+        let back = MarkRequest {
+            stands: false,
+            ..request(Some(RunId(9)))
+        };
+        marks.give(at(0.0), 1, request(Some(RunId(9))));
+        marks.give(at(0.0), 2, request(Some(RunId(4))));
+        marks.give(at(0.0), 3, back);
+        let nobody = FleetView::default();
+        assert_eq!(marks.of_unknown_runs(at(0.1), &nobody), vec![]);
+        assert_eq!(
+            marks.due(at(0.1), &nobody, true).len(),
+            1,
+            "what is taken back"
+        );
+        let (run, newest) = (RunId(9), RunId(4));
+        let refused = MarkOutcome::UnknownRun { run, newest };
+        assert_eq!(marks.of_unknown_runs(at(0.2), &view), vec![(1, refused)]);
+        assert_eq!(refused.to_string(), "there is no run 9: the newest is 4");
+        assert_eq!(marks.due(at(0.2), &view, true).len(), 1);
+    }
+
+    #[test]
     fn a_mark_that_nobody_stores_is_given_up_with_its_reason() {
         let mut marks = GivenMarks::default();
         marks.give(at(0.0), 1, request(None));
         marks.give(at(0.0), 2, request(Some(RunId(9))));
-        assert_eq!(marks.due(at(0.1), &FleetView::default(), true).len(), 1);
+        assert_eq!(marks.due(at(0.1), &FleetView::default(), true), vec![]);
         assert_eq!(marks.given_up(at(2.9)), vec![]);
         let over = marks.given_up(at(3.0));
         let is_of_run = |outcome: MarkOutcome| matches!(outcome, MarkOutcome::NotStored(mark) if mark.run == RunId(9));

@@ -12,7 +12,7 @@ use tomoswarm_proto::{
 };
 
 use super::fleet_view::FleetView;
-use crate::config::{PlannerChoice, SweepConfig};
+use crate::config::{GivenSweep, PlannerChoice};
 use crate::time::Time;
 
 /// A task that is not shown yet is said again after this long.
@@ -141,25 +141,46 @@ impl GivenTasks {
 }
 
 /// Returns what is to be done: a mission of the vehicles' own, or without one this sweep.
-pub fn task_kind(task: Option<TaskKind>, sweep: &SweepConfig) -> TaskKind {
+pub fn task_kind(task: Option<TaskKind>, sweep: &GivenSweep) -> TaskKind {
     task.unwrap_or_else(|| sweep_kind(sweep))
 }
 
-fn sweep_kind(sweep: &SweepConfig) -> TaskKind {
+fn sweep_kind(sweep: &GivenSweep) -> TaskKind {
     let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
     let count = |number: usize| u16::try_from(number).unwrap_or(u16::MAX);
-    TaskKind::Sweep {
-        planner: match sweep.planner {
-            PlannerChoice::RotatingGap => SweepPlanner::RotatingGap,
-            PlannerChoice::Fan => SweepPlanner::Fan,
-            PlannerChoice::Calibrate => SweepPlanner::Calibrate,
-            PlannerChoice::FanCorners => SweepPlanner::FanCorners,
-            PlannerChoice::FanStraight => SweepPlanner::FanStraight,
+    let GivenSweep {
+        planner,
+        positions,
+        laps,
+        dwell,
+        dwell_limit,
+    } = *sweep;
+    let planner = planner.map(|planner| match planner {
+        PlannerChoice::RotatingGap => SweepPlanner::RotatingGap,
+        PlannerChoice::Fan => SweepPlanner::Fan,
+        PlannerChoice::Calibrate => SweepPlanner::Calibrate,
+        PlannerChoice::FanCorners => SweepPlanner::FanCorners,
+        PlannerChoice::FanStraight => SweepPlanner::FanStraight,
+    });
+    let (positions, laps) = (positions.map(count), laps.map(count));
+    let dwell_ms = dwell.map(milliseconds);
+    let dwell_limit_ms =
+        dwell_limit.map(|limit| milliseconds(limit.max(dwell.unwrap_or_default())));
+    match (planner, positions, dwell_ms, dwell_limit_ms) {
+        (Some(planner), Some(positions), Some(dwell_ms), Some(dwell_limit_ms)) => TaskKind::Sweep {
+            planner,
+            positions,
+            laps,
+            dwell_ms,
+            dwell_limit_ms,
         },
-        positions: count(sweep.positions),
-        laps: sweep.laps.map(count),
-        dwell_ms: milliseconds(sweep.dwell()),
-        dwell_limit_ms: milliseconds(sweep.dwell_limit()).max(milliseconds(sweep.dwell())),
+        _ => TaskKind::ConfiguredSweep {
+            planner,
+            positions,
+            laps,
+            dwell_ms,
+            dwell_limit_ms,
+        },
     }
 }
 
@@ -213,9 +234,9 @@ mod tests {
 
     #[test]
     fn a_sweep_is_repeated_under_the_lease_in_force_until_a_report_shows_it_as_it_is() {
-        let sweep = sweep_kind(&SweepConfig {
-            positions: 76,
-            ..SweepConfig::default()
+        let sweep = sweep_kind(&GivenSweep {
+            positions: Some(76),
+            ..GivenSweep::default()
         });
         let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
         tasks.give(wish(sweep));

@@ -174,6 +174,7 @@ impl Operator {
             run,
             begins,
             mission,
+            ends_run,
             take_over,
             although_unheard,
             lifts_many,
@@ -193,6 +194,7 @@ impl Operator {
             vehicles,
             expected,
             run,
+            ends_run,
             take_over,
             holder,
             venue_hash,
@@ -262,9 +264,10 @@ impl Operator {
         }
     }
 
-    /// Says the marks that are due, and gives up those whose time is up.
+    /// Says the marks that are due, and ends those whose time is up and those in runs that there are not.
     fn look_after_marks(&mut self, now: Time, out: &mut Vec<Out>) {
-        let over = self.marks.given_up(now);
+        let mut over = self.marks.of_unknown_runs(now, &self.view);
+        over.extend(self.marks.given_up(now));
         out.extend(
             over.into_iter()
                 .map(|(number, how)| Out::Marked(number, how)),

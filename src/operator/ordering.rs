@@ -288,29 +288,11 @@ impl Ordering {
         match self.instruction.kind {
             OrderKind::Start => self
                 .run_under_way(now)
+                .or_else(|| self.mission_misfit(now))
                 .or_else(|| self.unheard_under_stop(now)),
             OrderKind::Return => self.under_stop().map(OrderRefusal::StopOpen),
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => None,
         }
-    }
-
-    fn run_under_way(&self, now: Time) -> Option<OrderRefusal> {
-        let is_own = self.instruction.mission.is_some();
-        let asked = self
-            .instruction
-            .run
-            .or_else(|| is_own.then(|| self.next_run(now)))?;
-        let GroundReport {
-            phase,
-            run: under_way,
-            ..
-        } = &self.view.ground(now)?.value;
-        let under_way = *under_way;
-        let is_driven = match phase {
-            StationPhase::Stopping | StationPhase::Planning | StationPhase::Running => true,
-            StationPhase::Idle | StationPhase::Waiting | StationPhase::Closing => false,
-        };
-        (is_driven && under_way != asked).then_some(OrderRefusal::UnderWay { under_way, asked })
     }
 
     /// Returns who was not heard for too long while a stop is open that would be lifted.

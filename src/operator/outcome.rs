@@ -9,6 +9,7 @@ use tomoswarm_proto::{EmergencyName, Lease, MissionRefusal, Ordered, RunId, Vehi
 
 use super::fleet_view::Incompatibility;
 use super::names::ordered;
+use super::order_goal::MissionMisfit;
 
 /// How an order ended for one vehicle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -108,13 +109,18 @@ impl fmt::Display for VehicleOutcome {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum OrderRefusal {
     /// The ground station drives another run than the one that is to be started.
-    #[error("run {under_way} is under way: let it end before run {asked} begins")]
+    #[error(
+        "run {under_way} is under way: let it end before run {asked} begins, or give it up for that (--end-run)"
+    )]
     UnderWay {
         /// The run that is driven.
         under_way: RunId,
         /// The run that was asked for.
         asked: RunId,
     },
+    /// The mission that is begun lacks something of the ground station.
+    #[error(transparent)]
+    Mission(#[from] MissionMisfit),
     /// A start would lift emergency stops although a vehicle is not heard.
     #[error(
         "an emergency stop is open and vehicle {0} has not been heard for 2 s: name it with --although-unheard if the others are to be started all the same"

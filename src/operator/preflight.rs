@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde::Serialize;
 use tomoswarm_proto::{
     BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, GroundReport, Health, Hello, Lease,
-    OrderKind, PoseReport, StationPhase, VehicleId, VehicleMode,
+    OrderKind, PoseReport, RunEnd, StationPhase, VehicleId, VehicleMode,
 };
 
 pub use self::disk::disk_room;
@@ -410,13 +410,21 @@ fn of_ground(view: &FleetView, needs: &Requirements, now: Time) -> Vec<Check> {
             ),
         )
     }));
-    checks.push(reported("store", report, no_go, |report| {
-        (
-            report.troubles.is_empty(),
-            format!("troubles: {}", names::troubles(&report.troubles)),
-        )
+    checks.push(reported("troubles", report, no_go, |report| {
+        let standing: Vec<String> = (report.troubles.iter())
+            .filter(|words| !is_of_last_run(report, words))
+            .cloned()
+            .collect();
+        (standing.is_empty(), names::troubles(&report.troubles))
     }));
     checks
+}
+
+/// Returns whether a trouble is that the last run has failed: the next one may begin all the same, and ends it.
+fn is_of_last_run(report: &GroundReport, words: &str) -> bool {
+    let last = report.runs.last();
+    last.filter(|run| run.end == Some(RunEnd::Failed))
+        .is_some_and(|run| words.starts_with(&format!("run {} ", run.run)))
 }
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ pub enum DashError {
     /// Another address than that of this machine alone, and a certificate that names no other machine.
     #[error(
         "{address} can be reached from other machines, but the operator's certificate names this one only ({hosts}), and browsers \
-         elsewhere would refuse it: `tomoswarm enroll SWARM operator --host NAME --replace` names another"
+         elsewhere would refuse it: `tomoswarm enroll SWARM --venue FILE operator --host NAME --replace` names another"
     )]
     NotNamedElsewhere {
         /// Where.

@@ -66,7 +66,7 @@ impl LiveOperator {
         until: Time,
         mut observe: impl FnMut(Time, &HeardMessage),
     ) -> Result<Vec<Out>, Fault> {
-        let is_linked = self.session.is_linked();
+        let is_linked = self.session.look_for_links();
         if is_linked != self.is_linked {
             self.is_linked = is_linked;
             self.unread.push(In::Linked(is_linked));

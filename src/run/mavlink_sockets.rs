@@ -39,7 +39,7 @@ const WAITING: usize = 256;
 const PACKET: usize = 1_400;
 /// After a failure to take a connection the listener rests, so as not to spin.
 const REST: Duration = Duration::from_millis(50);
-/// So many clients an endpoint serves at a time.
+/// So many connections an endpoint serves at a time.
 const CLIENTS_MAX: usize = 32;
 
 /// Which sockets are opened.
@@ -102,6 +102,8 @@ enum Way {
 /// Where bytes for a connection go: into it as long as it takes them, into its queue when it does not.
 #[derive(Clone)]
 struct StreamWay {
+    /// The endpoint to which it was made.
+    endpoint: usize,
     stream: Arc<OwnedWriteHalf>,
     queue: mpsc::Sender<Vec<u8>>,
     /// Pieces of the queue that are not written yet: nothing overtakes them.
@@ -282,10 +284,15 @@ impl Shared {
         }
     }
 
+    fn connections_to(&self, endpoint: usize) -> usize {
+        let is_to = |way: &&Way| matches!(way, Way::Stream(way) if way.endpoint == endpoint);
+        lock(&self.ways).values().filter(is_to).count()
+    }
+
     async fn accept(self, listener: TcpListener, endpoint: usize) {
         loop {
             match listener.accept().await {
-                Ok((stream, _)) if lock(&self.ways).len() < CLIENTS_MAX * (endpoint + 1) => {
+                Ok((stream, _)) if self.connections_to(endpoint) < CLIENTS_MAX => {
                     tokio::spawn(self.clone().serve(stream, endpoint));
                 }
                 // One too many is ended; out of descriptors, others may end meanwhile.
@@ -303,6 +310,7 @@ impl Shared {
         let (mut from, to) = stream.into_split();
         let (queue, queued) = mpsc::channel::<Vec<u8>>(WAITING);
         let way = StreamWay {
+            endpoint,
             stream: Arc::new(to),
             queue,
             behind: Arc::default(),

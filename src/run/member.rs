@@ -7,6 +7,7 @@ use tomoswarm_proto::{Hello, Message, Sender};
 
 use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::mailbox::{Ending, RuntimeContext, lock};
+use super::reach::ReachWatch;
 use super::trust::AccessRule;
 use crate::exchange::joining::JoinEffect;
 use crate::exchange::presence::Presence;
@@ -16,6 +17,7 @@ use crate::time::Time;
 pub struct BusMember {
     bus: BusSession,
     is_speaking: bool,
+    reach: ReachWatch,
 }
 
 impl BusMember {
@@ -31,6 +33,7 @@ impl BusMember {
     ) -> Result<BusMember, BusError> {
         let endings = Mutex::new(context.endings.clone());
         let presence = Presence::asking(context.clock.now(), own);
+        let reach = ReachWatch::new(context.clock.now(), &settings);
         let take = move |heard: Option<HeardMessage>, verdict| {
             if let Some(HeardMessage::Message(sender, message)) = heard {
                 hear(sender, message);
@@ -57,6 +60,7 @@ impl BusMember {
         Ok(BusMember {
             bus,
             is_speaking: false,
+            reach,
         })
     }
 
@@ -65,14 +69,19 @@ impl BusMember {
         self.bus.publisher()
     }
 
-    /// Greets when it is time; returns when to be called again. Once nobody has objected the node may speak.
+    /// Greets when it is time; returns when to be called again. Once nobody has objected the node may speak; that it takes part
+    /// is logged when there is somebody who can hear it.
     pub fn greet(&mut self, now: Time) -> Time {
         let publisher = self.bus.publisher();
-        let is_linked = !self.is_speaking && publisher.links() > 0;
-        let next = publisher.greet(now, is_linked);
-        if !self.is_speaking && publisher.is_member() {
-            self.is_speaking = true;
-            tracing::info!("takes part in the bus");
+        let is_linked = !(self.is_speaking && self.reach.is_reached()) && publisher.links() > 0;
+        let next = publisher.greet(now, is_linked && !self.is_speaking);
+        self.is_speaking |= publisher.is_member();
+        if self.is_speaking && !self.reach.is_reached() {
+            // In a star the hub is told of no links.
+            let is_reached = is_linked || publisher.traffic().taken > 0;
+            if self.reach.look(now, is_reached) {
+                tracing::info!("takes part in the bus");
+            }
         }
         next.unwrap_or(Time::NEVER)
     }

@@ -9,6 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::clock::Clock;
 use super::mailbox::Troubles;
+use super::reach::ReachWatch;
 use crate::exchange::presence::Presence;
 use crate::time::Time;
 
@@ -40,6 +41,7 @@ pub struct Session {
     began_utc_s: f64,
     troubles: Troubles,
     dropped: Arc<AtomicU64>,
+    reach: ReachWatch,
 }
 
 impl Session {
@@ -66,6 +68,7 @@ impl Session {
             }
         };
         let presence = Presence::listening_at(venue_hash);
+        let reach = ReachWatch::new(clock.now(), &settings);
         let hear_all = move |heard: Option<HeardMessage>, _| heard.into_iter().for_each(&hear);
         let bus = BusSession::join(settings, presence, clock, troubles.clone(), hear_all)?;
         let publisher = bus.publisher();
@@ -79,6 +82,7 @@ impl Session {
             began_utc_s,
             troubles,
             dropped,
+            reach,
         })
     }
 
@@ -119,6 +123,13 @@ impl Session {
     /// Returns whether anyone can be reached.
     pub fn is_linked(&self) -> bool {
         self.publisher.links() > 0
+    }
+
+    /// Returns whether anyone can be reached, and logs who is sought in vain as long as nobody ever was.
+    pub fn look_for_links(&mut self) -> bool {
+        let is_linked = self.is_linked();
+        self.reach.look(self.now(), is_linked);
+        is_linked
     }
 
     /// Returns what is wrong with the bus, in words.

@@ -83,14 +83,19 @@ pub enum WorldError {
     /// This build has none.
     #[error("this build has no serial ports")]
     NoRadios,
-    /// The address cannot be used, or no thread can be started.
-    #[error("the world cannot listen on {address}: {source}")]
+    /// The address is not free, or may not be used.
+    #[error(
+        "{address} cannot be listened on: {source}; choose another port, or 0 for any that is free"
+    )]
     Listen {
         /// The address asked for.
         address: SocketAddr,
         /// Why.
         source: io::Error,
     },
+    /// No thread can be started.
+    #[error("the world has no thread: {0}")]
+    Thread(io::Error),
 }
 
 /// A world that runs until it is ended; dropping it ends it.
@@ -140,6 +145,10 @@ impl WorldServer {
             });
         }
         let mut world = LiveWorld::new(scenario, port.is_some())?;
+        let listener = TcpListener::bind(listen).map_err(|source| WorldError::Listen {
+            address: listen,
+            source,
+        })?;
         let (words, inbox) = sync_channel(WORDS_WAITING);
         let told = || by_queue(words.clone(), Inbound::Client, Inbound::client);
         let port = port
@@ -156,22 +165,17 @@ impl WorldServer {
                 .map(|folder| open_radios(scenario, folder, world.environment(), &words))
                 .transpose()?,
         };
-        WorldServer::open(world, listen, token, (words, inbox), served).map_err(|source| {
-            WorldError::Listen {
-                address: listen,
-                source,
-            }
-        })
+        WorldServer::open(world, listener, token, (words, inbox), served)
+            .map_err(WorldError::Thread)
     }
 
     fn open(
         world: LiveWorld,
-        listen: SocketAddr,
+        socket: TcpListener,
         token: &str,
         (words, inbox): (SyncSender<Inbound>, Receiver<Inbound>),
         served: Served,
     ) -> io::Result<WorldServer> {
-        let socket = TcpListener::bind(listen)?;
         let address = socket.local_addr()?;
         let autopilots = served.port.as_ref().map(|port| port.addresses().to_vec());
         let is_ended = Arc::new(AtomicBool::new(false));

@@ -255,6 +255,17 @@ impl Scene {
 }
 
 impl Shape {
+    /// Returns the height of its lowest point, metres; infinite for a surface without points.
+    pub fn lowest_m(&self) -> f64 {
+        match self {
+            Shape::Prism { low_m, .. } => *low_m,
+            Shape::Mesh(mesh) => mesh
+                .vertices()
+                .iter()
+                .fold(f64::INFINITY, |low_m, vertex| low_m.min(vertex[2])),
+        }
+    }
+
     /// Returns the surface as triangles.
     pub fn surface(&self) -> Mesh {
         match self {

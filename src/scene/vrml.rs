@@ -21,7 +21,7 @@ pub const MAX_BYTES: usize = 64 << 20;
 pub const MAX_LEVELS: usize = 256;
 /// Files asked for by Inline.
 const MAX_FILES: usize = 256;
-/// Node types warned about before the warnings end.
+/// Node types, fields and more warned about before the warnings end.
 const MAX_WARNINGS: usize = 100;
 
 /// Which axis of the VRML world points up.
@@ -257,7 +257,7 @@ impl<'l> VrmlReader<'l> {
 
     /// Notes something else, once for each `what`.
     pub(super) fn warn(&mut self, what: &str, file: &str, line: usize) {
-        if self.warned.insert(what.to_string()) {
+        if self.warned.len() < MAX_WARNINGS && self.warned.insert(what.to_string()) {
             self.warnings.push(format!("{file}:{line}: {what}"));
         }
     }

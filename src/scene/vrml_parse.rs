@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::affine::{Affine, Xyz};
 use super::primitive::Solid;
 use super::vrml::{MAX_LEVELS, VrmlReader, VrmlRefusal};
+use super::vrml_fields::strange_field;
 use super::vrml_token::{Token, Tokens};
 use super::vrml_tree::NodeKind;
 
@@ -154,7 +155,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         }
         let kind = match node_type {
             "Transform" => Some(self.transform()?),
-            "Group" | "Collision" => Some(self.group()?),
+            "Group" | "Collision" => Some(self.group(node_type)?),
             "Shape" => self.shape()?,
             "Inline" => Some(self.inline()?),
             _ => {
@@ -169,9 +170,9 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             .transpose()
     }
 
-    fn group(&mut self) -> Result<NodeKind, VrmlRefusal> {
+    fn group(&mut self, node_type: &str) -> Result<NodeKind, VrmlRefusal> {
         let mut children = Vec::new();
-        self.body("a group", |parser, field| {
+        self.body(node_type, |parser, field| {
             let known = field == "children";
             if known {
                 children.extend(parser.children()?);
@@ -242,10 +243,11 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         })
     }
 
-    /// Reads the fields between braces; `field` reads the value of those it knows and says so.
+    /// Reads the fields between the braces of a node; `field` reads the value of those it knows and says so. The others are
+    /// skipped, with a warning where the node has no such field by the standard.
     pub(super) fn body(
         &mut self,
-        what: &str,
+        node_type: &str,
         mut field: impl FnMut(&mut Self, &'a str) -> Result<bool, VrmlRefusal>,
     ) -> Result<(), VrmlRefusal> {
         self.expect(Token::OpenBrace)?;
@@ -254,15 +256,19 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             match self.tokens.next()? {
                 Token::CloseBrace => return Ok(()),
                 Token::Word(name) => {
+                    let line = self.tokens.line();
                     if !self.other_statement(name)? && !field(self, name)? {
+                        if let Some(strange) = strange_field(node_type, name) {
+                            self.reading.warn(&strange, &self.file, line);
+                        }
                         self.skip_value(name)?;
                     }
                 }
-                Token::End => return Err(self.refuse_end(what, opened, Token::CloseBrace)),
+                Token::End => return Err(self.refuse_end(node_type, opened, Token::CloseBrace)),
                 found => {
-                    return Err(
-                        self.refuse(format!("found {found}; expected a field of {what} or `}}`"))
-                    );
+                    return Err(self.refuse(format!(
+                        "found {found}; expected a field of {node_type} or `}}`"
+                    )));
                 }
             }
         }

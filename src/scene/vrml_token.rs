@@ -143,7 +143,10 @@ impl<'a> Tokens<'a> {
                     self.at += 1;
                     return Ok(Token::Text(text));
                 }
-                b'\\' => self.at += 1,
+                b'\\' => {
+                    self.at += 1;
+                    self.line_at += usize::from(bytes.get(self.at) == Some(&b'\n'));
+                }
                 b'\n' => self.line_at += 1,
                 _ => {}
             }
@@ -203,6 +206,10 @@ mod tests {
         check(
             "\"{ \\\" é\n}\" z",
             &[(Token::Text("{ \\\" é\n}"), 1), (Token::Word("z"), 2)],
+        );
+        check(
+            "\"a\\\nb\" z",
+            &[(Token::Text("a\\\nb"), 1), (Token::Word("z"), 2)],
         );
     }
 

@@ -88,6 +88,7 @@ impl Disk {
         let sample = |(place, sample): (&SampleKey, &Sample)| (place.boot, place.run, *sample);
         let samples = left.by_ref().take(CHUNK).map(sample).collect();
         Recalled {
+            after,
             samples,
             is_end: left.next().is_none(),
         }

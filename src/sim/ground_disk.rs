@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use tomoswarm_proto::{LayerId, Message, OpenStops, Samples, TileAddress, TileReport};
 
+use super::silence::HeardSeconds;
 use crate::ground::from_config::GroundParts;
 use crate::ground::station::{Station, StationMemory};
 use crate::ground::{ActorSettings, MeasuredSample};
@@ -18,6 +19,8 @@ pub(super) struct GroundDisk {
     memory: Option<Box<StationMemory>>,
     stops: OpenStops,
     samples: Vec<Samples>,
+    /// Kept always.
+    heard: HeardSeconds,
     tiles: BTreeMap<(LayerId, TileAddress), TileReport>,
 }
 
@@ -42,6 +45,9 @@ impl GroundDisk {
 
     /// Keeps what a message brings of measurements and of the map.
     pub(super) fn keep(&mut self, message: &Message) {
+        if let Message::Samples(batch) = message {
+            self.heard.record(batch);
+        }
         match message {
             _ if !self.is_read => {}
             Message::Samples(batch) => self.samples.push(batch.clone()),
@@ -57,6 +63,11 @@ impl GroundDisk {
             }
             _ => {}
         }
+    }
+
+    /// Returns when beacons were heard, whether anything else is kept or not.
+    pub(super) fn heard(&self) -> &HeardSeconds {
+        &self.heard
     }
 
     /// Returns all samples, each once, in order.

@@ -364,7 +364,7 @@ impl Kernel {
                 ground::Effect::StationEvent(note) => {
                     self.log(place, format_args!("{note}"));
                     self.progress.hear(&note, self.environment.sweeps_left());
-                    self.monitor.hear(&note);
+                    self.monitor.hear(now, &note);
                 }
             }
         }

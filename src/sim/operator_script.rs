@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, VehicleId};
 
-use crate::config::{AfterSweep, Expect, Sim};
+use crate::config::{AfterSweep, Expect, GivenSweep, Sim};
 use crate::operator::given_tasks::{TaskRequest, task_kind};
 use crate::operator::operator_actor::OperatorSettings;
 use crate::operator::order_goal::OrderGoal;
@@ -141,7 +141,7 @@ impl ScenarioScript<'_> {
             run,
             members,
             compare_with,
-            kind: task_kind(self.sim.task.clone(), &self.sim.sweep),
+            kind: task_kind(self.sim.task.clone(), &GivenSweep::whole(&self.sim.sweep)),
         })
     }
 

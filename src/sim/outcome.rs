@@ -8,6 +8,7 @@ use super::bus::{BytesByKind, NodeId};
 use super::log::Log;
 use super::operator_script::RUN;
 use super::place_results::PlaceResult;
+use super::silence::Silence;
 use super::world::{Collision, FenceBreach};
 use crate::geom::Point;
 use crate::ground::MeasuredSample;
@@ -58,7 +59,7 @@ pub(super) struct FleetCount {
 /// A find within this of a person is that person, metres.
 pub const NEAR_M: f64 = 1.0;
 
-/// A person found in the change since the empty sweep.
+/// A find in the change since the empty sweep: a person, or nobody.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct FoundObject {
     /// Where.
@@ -71,7 +72,10 @@ pub struct FoundObject {
     pub evidence: f64,
     /// Probability that an image of nobody shows no place as strong as this one.
     pub probability: f64,
-    /// Distance to the nearest true person, of one who walks to the nearest place where it has been, metres; `None` when there is none.
+    /// Which person it is, by the index in [`RunOutcome::persons`]; `None` = nobody. Each person is one find at most.
+    pub person: Option<usize>,
+    /// Distance to that person, for nobody to the nearest one, of one who walks to the nearest place where it has been,
+    /// metres; `None` when there is none.
     pub error_m: Option<f64>,
 }
 
@@ -118,6 +122,8 @@ pub struct RunOutcome {
     /// What became of the places that vehicles were to visit on paths around what they see, those of the first vehicle
     /// first; empty for other missions, and of a live run not known.
     pub places: Vec<PlaceResult>,
+    /// When in a sweep no beacon was heard between any two vehicles for long; of a live run not known.
+    pub silences: Vec<Silence>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,
     /// Where each of them has been ([`super::Scenario::ways`]).
@@ -133,9 +139,9 @@ pub struct RunOutcome {
 }
 
 impl FoundObject {
-    /// Returns whether a person stood within [`NEAR_M`] of it.
+    /// Returns whether it is a person: one within [`NEAR_M`] of it, whom no other find is.
     pub fn is_somebody(&self) -> bool {
-        self.error_m.is_some_and(|error_m| error_m <= NEAR_M)
+        self.person.is_some()
     }
 }
 
@@ -174,42 +180,128 @@ impl RunOutcome {
         bytes as f64 / self.simulated.as_secs_f64().max(1e-9) / self.tracks.len().max(1) as f64
     }
 
-    /// Returns the persons found in the change since the empty sweep, the surest first.
+    /// Returns whether persons were searched in the change since the empty sweep; a sweep that is given up has no such image.
+    pub fn has_searched(&self) -> bool {
+        let change = self.change.as_ref();
+        change.is_some_and(|change| change.finds.is_some())
+    }
+
+    /// Returns the finds in the change since the empty sweep, the surest first; none where nobody was searched.
     pub fn found(&self) -> Vec<FoundObject> {
-        let finds = self
+        let finds = self.finds();
+        let pairs = pairs(&self.ways, finds);
+        let judged = |(index, find): (usize, &Find)| {
+            let paired = pairs.iter().find(|pair| pair.find == index);
+            let its = paired.filter(|pair| pair.apart_m <= NEAR_M);
+            let distances = self.ways.iter().map(|way| away_m(way, find.at));
+            FoundObject {
+                at: find.at,
+                strength: find.strength,
+                covariance_m2: find.covariance_m2,
+                evidence: find.evidence,
+                probability: find.probability,
+                person: its.map(|pair| pair.person),
+                error_m: match its {
+                    Some(pair) => Some(pair.apart_m),
+                    None => distances.min_by(f64::total_cmp),
+                },
+            }
+        };
+        finds.iter().enumerate().map(judged).collect()
+    }
+
+    /// Returns for each person how far its find is from where it has been, metres; infinite where no find is left for it. Each
+    /// find is given to one person, the nearest pair first.
+    pub fn errors_m(&self) -> Vec<f64> {
+        let pairs = pairs(&self.ways, self.finds());
+        let error_m = |person: usize| {
+            let paired = pairs.iter().find(|pair| pair.person == person);
+            paired.map_or(f64::INFINITY, |pair| pair.apart_m)
+        };
+        (0..self.ways.len()).map(error_m).collect()
+    }
+
+    fn finds(&self) -> &[Find] {
+        let searched = self
             .change
             .as_ref()
             .and_then(|change| change.finds.as_ref());
-        finds.map_or_else(Vec::new, |finds| {
-            finds.found.iter().map(|find| self.judged(find)).collect()
-        })
+        searched.map_or(&[], |finds| &finds.found)
     }
+}
 
-    /// Returns for each person how far the nearest find is from where it has been, metres; infinite when nobody was found.
-    pub fn errors_m(&self) -> Vec<f64> {
-        let found = self.found();
-        let nearest_m = |way: &Vec<Point>| {
-            let errors_m = found.iter().map(|find| away_m(way, find.at));
-            errors_m.fold(f64::INFINITY, f64::min)
+/// A person and the find that is given to it, by their indices.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Pair {
+    person: usize,
+    find: usize,
+    apart_m: f64,
+}
+
+/// Gives every person one find and every find one person, the nearest pair first, however far apart, until one of them is left
+/// alone.
+fn pairs(ways: &[Vec<Point>], finds: &[Find]) -> Vec<Pair> {
+    let of = |person: usize| {
+        let pair = move |(find, found): (usize, &Find)| Pair {
+            person,
+            find,
+            apart_m: away_m(&ways[person], found.at),
         };
-        self.ways.iter().map(nearest_m).collect()
-    }
-
-    fn judged(&self, find: &Find) -> FoundObject {
-        let distances = self.ways.iter().map(|way| away_m(way, find.at));
-        FoundObject {
-            at: find.at,
-            strength: find.strength,
-            covariance_m2: find.covariance_m2,
-            evidence: find.evidence,
-            probability: find.probability,
-            error_m: distances.min_by(f64::total_cmp),
+        finds.iter().enumerate().map(pair)
+    };
+    let mut all: Vec<Pair> = (0..ways.len()).flat_map(of).collect();
+    all.sort_by(|one, other| one.apart_m.total_cmp(&other.apart_m));
+    let mut taken: Vec<Pair> = Vec::new();
+    for pair in all {
+        let is_free = |known: &Pair| known.person != pair.person && known.find != pair.find;
+        if taken.iter().all(is_free) {
+            taken.push(pair);
         }
     }
+    taken
 }
 
 /// Returns how far a place is from the nearest place of a way, metres.
 fn away_m(way: &[Point], place: Point) -> f64 {
     let distances = way.iter().map(|at| at.distance_to(place));
     distances.fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How far each person's find is off, of persons and finds on a line.
+    fn check(persons_m: &[f64], finds_m: &[f64], expected: &[Option<(usize, f64)>]) {
+        let ways: Vec<Vec<Point>> = persons_m
+            .iter()
+            .map(|x_m| vec![Point::new(*x_m, 0.0)])
+            .collect();
+        let find = |x_m: &f64| Find {
+            at: Point::new(*x_m, 0.0),
+            strength: 8.0,
+            covariance_m2: [0.01, 0.0, 0.01],
+            evidence: 50.0,
+            probability: 0.0,
+        };
+        let finds: Vec<Find> = finds_m.iter().map(find).collect();
+        let pairs = pairs(&ways, &finds);
+        let paired = |person: usize| {
+            let pair = pairs.iter().find(|pair| pair.person == person);
+            pair.map(|pair| (pair.find, (pair.apart_m * 1e6).round() / 1e6))
+        };
+        let found: Vec<_> = (0..ways.len()).map(paired).collect();
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn one_find_is_one_person_the_nearest() {
+        check(&[1.0, 1.6], &[1.5], &[None, Some((0, 0.1))]);
+        check(&[1.0, 1.6], &[1.2, 1.5], &[Some((0, 0.2)), Some((1, 0.1))]);
+        check(&[1.0], &[1.4, 0.7], &[Some((1, 0.3))]);
+        // A person who is missed is given what is left, to say how far it is.
+        check(&[1.0, 9.0], &[1.1, 5.0], &[Some((0, 0.1)), Some((1, 4.0))]);
+        check(&[1.0], &[], &[None]);
+        check(&[], &[1.0], &[]);
+    }
 }

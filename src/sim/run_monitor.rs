@@ -6,6 +6,7 @@ use tomoswarm_proto::VehicleId;
 use super::operator_script::RUN;
 use super::outcome::EndedMission;
 use super::place_results::{self, PlaceResult};
+use super::silence::SweepTimes;
 use crate::config::Expect;
 use crate::ground::station::StationEvent as GroundNote;
 use crate::node::mission::{EndReason, MissionEvent};
@@ -33,6 +34,7 @@ pub(super) struct RunMonitor {
     missions: Vec<EndedMission>,
     /// What became of the places that vehicles were to visit.
     places: Vec<PlaceResult>,
+    sweeps: SweepTimes,
     is_done: bool,
 }
 
@@ -45,6 +47,7 @@ impl RunMonitor {
             expect,
             missions,
             places: Vec::new(),
+            sweeps: SweepTimes::default(),
             is_done: false,
         }
     }
@@ -76,6 +79,11 @@ impl RunMonitor {
         &self.places
     }
 
+    /// Returns when sweeps were driven.
+    pub(super) fn sweeps(&self) -> &SweepTimes {
+        &self.sweeps
+    }
+
     /// Takes what a vehicle, by its index, says of its mission.
     pub(super) fn hear_of_mission(&mut self, vehicle: usize, event: &MissionEvent) {
         let id = self.missions[vehicle].0;
@@ -83,7 +91,8 @@ impl RunMonitor {
     }
 
     /// Takes a note of the ground station.
-    pub(super) fn hear(&mut self, note: &GroundNote) {
+    pub(super) fn hear(&mut self, now: Time, note: &GroundNote) {
+        self.sweeps.hear(now, note);
         self.is_done |= matches!(note, GroundNote::RunClosed { run, .. } if *run == RUN);
     }
 
@@ -139,11 +148,14 @@ mod tests {
     fn a_sweep_that_is_wanted_needs_two_vehicles_and_anything_else_one() {
         let mut swept = monitor(true, Expect::Finished);
         assert_eq!(swept.least_vehicles(), 2);
-        swept.hear(&GroundNote::RunClosed {
-            run: RUN,
-            links: 1,
-            samples: 1,
-        });
+        swept.hear(
+            Time::ZERO,
+            &GroundNote::RunClosed {
+                run: RUN,
+                links: 1,
+                samples: 1,
+            },
+        );
         assert_eq!(swept.least_vehicles(), 1, "it is done");
         for other in [
             monitor(true, Expect::Home),
@@ -161,10 +173,10 @@ mod tests {
             links: 1,
             samples: 1,
         };
-        monitor.hear(&closed(EMPTY_RUN));
-        monitor.hear(&GroundNote::Stalled(RUN));
+        monitor.hear(Time::ZERO, &closed(EMPTY_RUN));
+        monitor.hear(Time::ZERO, &GroundNote::Stalled(RUN));
         assert!(!monitor.is_done());
-        monitor.hear(&closed(RUN));
+        monitor.hear(Time::ZERO, &closed(RUN));
         assert!(monitor.is_done());
     }
 

@@ -167,9 +167,7 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn outlines(&self) -> Result<Vec<Outline>, ScenarioError> {
-        Ok(self
-            .scene(&[])?
-            .outlines(self.sim.vehicles.body.antenna_height_m))
+        Ok(self.scene(&[])?.outlines(self.antenna_m()))
     }
 
     /// Returns what stands in the scene, with the persons.
@@ -195,17 +193,25 @@ impl Scenario {
         from_config::method(&self.sim.sweep)
     }
 
+    /// Returns how high above the ground vehicles send and hear, metres.
+    fn antenna_m(&self) -> f64 {
+        let vehicles = &self.sim.vehicles;
+        match vehicles.flight.craft {
+            Craft::Rover => vehicles.body.antenna_height_m,
+            Craft::Copter => vehicles.flight.altitude_m,
+        }
+    }
+
     fn scene(&self, persons: &[Person]) -> Result<Scene, SceneError> {
         staging::build(&self.sim.scene, &self.shapes, persons)
     }
 
     fn stage(&self, persons: &[Person]) -> Result<WorldContents, SceneError> {
         let scene = self.scene(persons)?;
-        let height_m = self.sim.vehicles.body.antenna_height_m;
         let radio = &self.sim.radio;
         let attenuation = Attenuation::new(
             &scene,
-            height_m,
+            self.antenna_m(),
             radio.wavelength_m(),
             radio.object_limit_db,
         );
@@ -524,6 +530,7 @@ impl Scenario {
         let unmet = unmet(&self.sim, fleet, &monitor, is_time_up);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
+        let silences = monitor.sweeps().silences(ended_at, ground.heard());
         let mut not_made = Vec::new();
         let mut take = |subject| RunOutcome::take(&mut record.pictures, subject, &mut not_made);
         let (change, structure) = (take(Subject::Change), take(Subject::Structure));
@@ -539,6 +546,7 @@ impl Scenario {
             min_separation_m: min_separation_m.is_finite().then_some(min_separation_m),
             samples: station.samples().count(RUN),
             measured: self.keeps_samples.then(|| ground.samples()),
+            silences,
             links,
             empty_links,
             change,

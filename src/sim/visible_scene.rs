@@ -97,6 +97,12 @@ impl VisibleScene {
     }
 }
 
+/// Returns the width of the narrowest gap between things that stand still through which a vehicle gets for sure, metres: more
+/// than twice the room that it needs on each side, in whole centimetres.
+pub fn narrowest_gap_m(sim: &Sim) -> f64 {
+    (libm::floor(200.0 * room(sim).keep_m + 1e-6) + 1.0) / 100.0
+}
+
 /// Returns the height above the ground at which vehicles are, metres.
 fn altitude_m(sim: &Sim) -> f64 {
     match sim.vehicles.flight.craft {

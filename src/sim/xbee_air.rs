@@ -14,6 +14,10 @@ pub struct XbeeAir {
     on_air: Vec<OnAir>,
     /// Packets that were ever on the air.
     packets: u64,
+    /// Payloads that reached a host, each receiver counted.
+    heard: u64,
+    /// Packets that were lost because two spoke at once.
+    collided: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -34,7 +38,19 @@ impl XbeeAir {
             modules,
             on_air: Vec::new(),
             packets: 0,
+            heard: 0,
+            collided: 0,
         }
+    }
+
+    /// Returns how many payloads reached a host, each receiver counted.
+    pub fn heard(&self) -> u64 {
+        self.heard
+    }
+
+    /// Returns how many packets were lost because two spoke at once.
+    pub fn collided(&self) -> u64 {
+        self.collided
     }
 
     /// Returns the module of a vehicle, by its index, for its host.
@@ -70,10 +86,11 @@ impl XbeeAir {
 
     /// Delivers what has been on the air to its end.
     fn end_packets(&mut self, at: Time, environment: &Environment) {
-        let (ended, on_air) = std::mem::take(&mut self.on_air)
+        let (ended, on_air): (Vec<OnAir>, Vec<OnAir>) = std::mem::take(&mut self.on_air)
             .into_iter()
             .partition(|packet| packet.until <= at);
         self.on_air = on_air;
+        self.collided += ended.iter().filter(|packet| packet.is_spoilt).count() as u64;
         let clear = |packet: &OnAir| !packet.is_spoilt;
         for OnAir {
             from,
@@ -81,7 +98,7 @@ impl XbeeAir {
             packet,
             number,
             ..
-        } in Vec::into_iter(ended).filter(clear)
+        } in ended.into_iter().filter(clear)
         {
             let sent = Sent {
                 from,
@@ -93,7 +110,7 @@ impl XbeeAir {
             };
             for (to, module) in self.modules.iter_mut().enumerate() {
                 if let Some(rssi_dbm) = environment.received_dbm(&sent, to) {
-                    module.receive(at, &packet, rssi_dbm);
+                    self.heard += u64::from(module.receive(at, &packet, rssi_dbm));
                 }
             }
         }

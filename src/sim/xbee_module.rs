@@ -188,15 +188,15 @@ impl XbeeModule {
         self.registers.number(CH) as u8
     }
 
-    /// A packet has arrived to its end, so strongly.
-    pub fn receive(&mut self, now: Time, packet: &Packet, rssi_dbm: i16) {
+    /// A packet has arrived to its end, so strongly; returns whether its host is told of a payload by it.
+    pub fn receive(&mut self, now: Time, packet: &Packet, rssi_dbm: i16) -> bool {
         let is_speaking = self.sending.as_ref().is_some_and(Sending::is_on_air);
         let is_on_its_air = packet.channel == self.channel() && packet.network == self.network();
         let is_meant = packet.to.includes(self.registers.address(), self.serial);
         let is_understood = packet.has_header == self.registers.has_header();
         let is_heard = is_on_its_air && is_meant && is_understood;
         if self.power != Power::On || is_speaking || !is_heard {
-            return;
+            return false;
         }
         self.packets += 1;
         self.registers.heard(rssi_dbm.unsigned_abs().min(255) as u8);
@@ -236,6 +236,7 @@ impl XbeeModule {
                 );
             }
         }
+        matches!(packet.content, Content::Payload(_))
     }
 
     /// Returns when it is to be woken.

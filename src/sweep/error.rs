@@ -71,8 +71,8 @@ pub enum PlanError {
     },
     /// Two vehicles can come too close.
     #[error(
-        "vehicle {vehicle} on the leg to {} can come within {distance_m:.2} m of vehicle {other} at {}, \
-         expected {separation_m:.2} m",
+        "vehicle {vehicle} on the leg to {} can come within {distance_m:.3} m of vehicle {other} at {}, \
+         expected {separation_m:.3} m",
         name(.stop), name(.at)
     )]
     TooClose {

@@ -7,7 +7,7 @@
 //!
 //! Every link that is not used is counted with its reason. Nothing is imaged here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +21,10 @@ use super::settings::{ImagingSettings, NoiseModel};
 use super::weights::{WeightModel, WeightRows};
 use super::{Image, Link};
 
+/// Of fewer links than this nobody could tell a field.
+const FEWEST_DRIVEN: usize = 30;
+/// Two places that differ by less are the same one, metres (or the units of the input).
+const SAME_PLACE_M: f64 = 1e-3;
 /// What an image explains is computed of so few links at a time that their weights are fewer than this, 50 MB.
 const MOST_WEIGHTS: usize = 1 << 22;
 
@@ -108,7 +112,10 @@ pub(super) fn calibrate_around(
     };
     let settings = &ImagingSettings { noise, ..*settings };
     let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
-    let sweep = empty.map(|links| EmptySweep::of(links, structure, settings, path_loss));
+    let sweep = empty.map(|links| {
+        let is_driven = are_driven(links, now);
+        EmptySweep::of((links, is_driven), structure, settings, path_loss)
+    });
     let now_explained = match &sweep {
         Some(EmptySweep::Driven { .. }) => explained_db(structure, now, settings.weights),
         Some(EmptySweep::Fixed(_)) | None => vec![0.0; now.len()],
@@ -191,9 +198,27 @@ fn observe(
     Ok(observation)
 }
 
-/// Returns whether the ends of links were driven.
-fn are_driven(links: &[Link]) -> bool {
-    links.iter().any(|link| link.spots > 1)
+/// Returns whether the ends of links were driven: where they were measured in several spots, or, as a file need not say that,
+/// where most links of the other sweep have other ends.
+fn are_driven(empty: &[Link], now: &[Link]) -> bool {
+    if empty.iter().any(|link| link.spots > 1) {
+        return true;
+    }
+    if empty.len() < FEWEST_DRIVEN {
+        return false;
+    }
+    let ends = |link: &Link| {
+        let mut ends = [link.from, link.to]
+            .map(|at| [at.x_m, at.y_m].map(|part_m| (part_m / SAME_PLACE_M).round() as i64));
+        ends.sort_unstable();
+        ends
+    };
+    let measured: BTreeSet<_> = empty.iter().map(ends).collect();
+    let again = now
+        .iter()
+        .filter(|link| measured.contains(&ends(link)))
+        .count();
+    2 * again < now.len()
 }
 
 /// The empty sweep, to be asked what a link had in it.
@@ -210,14 +235,14 @@ enum EmptySweep {
 
 impl EmptySweep {
     fn of(
-        links: &[Link],
+        (links, is_driven): (&[Link], bool),
         structure: Option<&Image>,
         settings: &ImagingSettings,
         path_loss: Option<PathLoss>,
     ) -> EmptySweep {
         let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
         let entries = entries_of(links, settings);
-        if !are_driven(links) {
+        if !is_driven {
             return EmptySweep::Fixed(Partners::new(entries, settings, exponent));
         }
         let is_long = |entry: &&Entry| entry.link.length_m() >= 0.5 * settings.shortest_link_m;
@@ -480,6 +505,30 @@ mod tests {
 
     fn link(x0: f64, y0: f64, x1: f64, y1: f64, mean_dbm: f64) -> Link {
         Link::fixed(Point::new(x0, y0), Point::new(x1, y1), 10, mean_dbm)
+    }
+
+    #[test]
+    fn without_spots_a_sweep_is_driven_when_the_other_one_has_other_ends() {
+        let sweep = |shift_m: f64| -> Vec<Link> {
+            let one = |n: u32| {
+                let y_m = 0.4 * f64::from(n) + shift_m;
+                link(0.0, y_m, 20.0, 20.0 - y_m, -60.0)
+            };
+            (0..40).map(one).collect()
+        };
+        let is_driven =
+            |now: &[Link], empty: &[Link]| calibrate(now, Some(empty), &settings()).is_driven;
+        assert!(is_driven(&sweep(0.1), &sweep(0.0)));
+        assert!(!is_driven(&sweep(0.0), &sweep(0.0)));
+        assert!(
+            !is_driven(&sweep(0.1), &sweep(0.0)[..10]),
+            "too few to tell"
+        );
+        let mut turned = sweep(0.0);
+        for link in &mut turned {
+            std::mem::swap(&mut link.from, &mut link.to);
+        }
+        assert!(!is_driven(&turned, &sweep(0.0)));
     }
 
     #[test]

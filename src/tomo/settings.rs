@@ -131,7 +131,7 @@ impl ImagingSettings {
         const PIXELS: f64 = 40.0;
         let extent_m = area.width_m().max(area.height_m());
         let scale = extent_m / 20.0;
-        let count = |length_m: f64| (libm::round(PIXELS * length_m / extent_m) as usize).max(1);
+        let count = |length_m: f64| (libm::round(PIXELS * length_m / extent_m) as usize).max(2);
         let grid = PixelGrid {
             area,
             columns: count(area.width_m()),

@@ -140,7 +140,7 @@ fn without_an_empty_sweep_no_change_is_shown_and_the_summary_says_why() {
         names.iter().any(|name| name == "structure.png"),
         "{names:?}"
     );
-    assert_eq!(summary(&runner, "run")["found"], Value::Array(Vec::new()));
+    assert_eq!(summary(&runner, "run")["found"], Value::Null);
 }
 
 #[test]

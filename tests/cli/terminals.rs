@@ -142,7 +142,10 @@ fn a_device_is_written_and_not_replaced() {
         .status()
         .is_ok_and(|status| status.success())
     {
-        println!("skipped: there is no `mkfifo`");
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!("skipped: there is no `mkfifo`\n"),
+        );
         return;
     }
     let reader = std::thread::spawn(move || std::fs::read(fifo).unwrap());
@@ -171,7 +174,12 @@ fn on_terminal(runner: &ProgramRunner, line: &str) -> Option<String> {
         .stdin(Stdio::null());
     let output = script.env("TERM", "xterm-256color").output().ok();
     if output.is_none() || !runner.path("begun").exists() {
-        println!("skipped: there is no `script` to make a terminal, or it is another one");
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!(
+                "skipped: there is no `script` to make a terminal, or it is another one\n"
+            ),
+        );
         return None;
     }
     output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned())

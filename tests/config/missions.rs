@@ -82,10 +82,20 @@ fn patterns_are_sweeps_of_two_vehicles_over_a_square_lattice() {
         "",
         &["sweep.positions", "multiple of 4"],
     );
+    for count in [1, 3] {
+        check_refused(
+            &format!("[mission]\nkind = \"calibrate\"\n[vehicles]\ncount = {count}\n"),
+            "",
+            &[
+                "configs/a.toml:5: mission.kind = \"calibrate\"",
+                &format!("drives two vehicles, not {count}; vehicles.count = 2 is needed"),
+            ],
+        );
+    }
     check_refused(
-        "[mission]\nkind = \"calibrate\"\n[vehicles]\ncount = 3\n",
+        "[sweep]\nplanner = \"calibrate\"\n[vehicles]\ncount = 3\n",
         "",
-        &["drives two vehicles, not 3"],
+        &["configs/a.toml:5: sweep.planner = \"calibrate\": drives two vehicles, not 3"],
     );
     check_refused(
         "[mission]\nkind = \"fan\"\n[sweep]\nplanner = \"calibrate\"\n",

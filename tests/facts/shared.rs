@@ -13,7 +13,10 @@ pub fn shared_text(path: &str) -> Option<String> {
         .join(path);
     let text = std::fs::read_to_string(&full).ok();
     if text.is_none() {
-        println!("skipped: {} is not there", full.display());
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!("skipped: {} is not there\n", full.display()),
+        );
     }
     text
 }

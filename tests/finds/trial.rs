@@ -7,7 +7,7 @@ use std::time::Instant;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::Point;
 use tomoswarm::scene::{self, Up};
-use tomoswarm::sim::{FoundObject, NEAR_M, RunOutcome, Scenario};
+use tomoswarm::sim::{FoundObject, RunOutcome, Scenario};
 
 /// Who stands there.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -172,32 +172,20 @@ impl FindTrial {
     }
 }
 
-/// Gives each person the nearest find within [`NEAR_M`], the nearest pair first; no find counts twice.
+/// Says of each find which person it is, as every run does.
 fn judged(trial: FindTrial, outcome: &RunOutcome, took_s: f64) -> FindResult {
     let persons: Vec<Point> = outcome.persons.iter().map(|person| person.at).collect();
     let finds = outcome.found();
-    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
-    for (p, person) in persons.iter().enumerate() {
-        for (f, find) in finds.iter().enumerate() {
-            pairs.push((person.distance_to(find.at), p, f));
-        }
-    }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut errors_m, mut in_ellipse) = (Vec::new(), 0);
-    let (mut done_p, mut done_f) = (Vec::new(), Vec::new());
-    for (error_m, p, f) in pairs {
-        if error_m <= NEAR_M && !done_p.contains(&p) && !done_f.contains(&f) {
-            done_p.push(p);
-            done_f.push(f);
-            errors_m.push(error_m);
-            let off = persons[p] - finds[f].at;
-            let [xx, xy, yy] = finds[f].covariance_m2;
-            let determinant = xx * yy - xy * xy;
-            let square = (yy * off.x_m * off.x_m - 2.0 * xy * off.x_m * off.y_m
-                + xx * off.y_m * off.y_m)
-                / determinant;
-            in_ellipse += usize::from(square <= 4.605);
-        }
+    for (find, person) in finds.iter().filter_map(|find| Some((find, find.person?))) {
+        errors_m.extend(find.error_m);
+        let off = persons[person] - find.at;
+        let [xx, xy, yy] = find.covariance_m2;
+        let determinant = xx * yy - xy * xy;
+        let square = (yy * off.x_m * off.x_m - 2.0 * xy * off.x_m * off.y_m
+            + xx * off.y_m * off.y_m)
+            / determinant;
+        in_ellipse += usize::from(square <= 4.605);
     }
     FindResult {
         trial,

@@ -385,7 +385,10 @@ fn a_recording_names_its_area() {
 fn the_person_in_the_real_recordings_is_found() {
     let dumps = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/dumps");
     if !dumps.is_dir() {
-        println!("skipped: {} is missing", dumps.display());
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!("skipped: {} is missing\n", dumps.display()),
+        );
         return;
     }
     let path = |name: &str| dumps.join(name).into_os_string().into_string().unwrap();

@@ -13,7 +13,10 @@ use tomoswarm::tomo::{ImagingSettings, Link, Solver, reconstruct};
 fn phantoms() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/phantoms");
     if !folder.is_dir() {
-        println!("skipped: {} is missing", folder.display());
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!("skipped: {} is missing\n", folder.display()),
+        );
         return None;
     }
     Some(folder)

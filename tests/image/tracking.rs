@@ -30,7 +30,11 @@ fn who_walks_in_a_fixed_network_is_followed() {
 fn in_a_real_recording_one_person_walks_the_same_square_twice() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/utah");
     if !data.is_dir() {
-        return println!("skipped: {} is missing", data.display());
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!("skipped: {} is missing\n", data.display()),
+        );
+        return;
     }
     let folder = tempfile::tempdir().unwrap();
     let track = folder.path().join("track.csv");

@@ -35,7 +35,10 @@ impl Browser {
             .args(["-c", "command -v chromium"])
             .output();
         if !found.is_ok_and(|found| found.status.success()) {
-            println!("skipped: there is no chromium (sudo apt install chromium)");
+            let _ = std::io::Write::write_fmt(
+                &mut std::io::stderr(),
+                format_args!("skipped: there is no chromium (sudo apt install chromium)\n"),
+            );
             return None;
         }
         let profile = tempfile::tempdir().unwrap();

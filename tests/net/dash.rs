@@ -495,7 +495,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     let _evil = evil_vehicle(&swarm);
     browser.go(&dash.operate);
     browser.until(
-        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        "document.querySelectorAll('#vehicles tr[data-vehicle]').length === 3",
         30,
     );
     assert_eq!(
@@ -505,6 +505,14 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     golden_frames(&mut browser);
 
     browser.until("[...document.querySelectorAll('#vehicles td')].some((cell) => cell.textContent.includes('<img src=x'))", 10);
+    // Its trouble stands below its row, as wide as the table, and the row is described by it.
+    let troubles = browser.eval(
+        "(() => { const row = document.querySelector('tr[data-vehicle=\"9\"]'), below = row.nextElementSibling.firstChild;
+           const wide = below.offsetWidth >= 0.95 * document.getElementById('vehicles').offsetWidth;
+           const isDescribed = row.getAttribute('aria-describedby') === below.id;
+           return [/^[1-9]$/.test(row.lastChild.textContent), isDescribed, wide, below.offsetHeight < 100]; })()",
+    );
+    assert_eq!(troubles, json!([true, true, true, true]));
     assert_eq!(
         browser.eval("document.querySelectorAll('#vehicles img').length"),
         0,
@@ -567,7 +575,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     browser.go("about:blank");
     browser.go(&dash.look);
     browser.until(
-        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        "document.querySelectorAll('#vehicles tr[data-vehicle]').length === 3",
         20,
     );
     browser.key("h", "KeyH", 72);
@@ -831,7 +839,7 @@ fn on_a_phone(dash: &Dash) {
     );
     browser.go(&dash.operate);
     browser.until(
-        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        "document.querySelectorAll('#vehicles tr[data-vehicle]').length === 3",
         20,
     );
     browser.eval("document.getElementById('view-space').click()");

@@ -35,6 +35,8 @@ mod page_3d;
 #[cfg(feature = "dash")]
 mod page_begin;
 #[cfg(feature = "dash")]
+mod page_crowd;
+#[cfg(feature = "dash")]
 mod page_cut;
 #[cfg(feature = "dash")]
 mod page_export;

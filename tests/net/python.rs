@@ -19,7 +19,10 @@ fn python(module: &str) -> Option<PathBuf> {
 /// Runs a script of `tests`, unless the module that it needs is missing.
 pub fn run_script(script: &str, module: &str) {
     let Some(python) = python(module) else {
-        println!("skipped: no Python with {module} (target/venv, see .ci/run)");
+        let _ = std::io::Write::write_fmt(
+            &mut std::io::stderr(),
+            format_args!("skipped: no Python with {module} (target/venv, see .ci/run)\n"),
+        );
         return;
     };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

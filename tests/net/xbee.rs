@@ -46,6 +46,8 @@ fn a_sweep_is_measured_by_xbees_that_are_pulled_out_and_plugged_in_again() {
         "{troubles:?}"
     );
     swarm.finish();
+    let said = std::fs::read_to_string(swarm.path("world.log")).unwrap();
+    assert!(!said.contains(" 0 beacons heard"), "{said}");
 }
 
 /// Returns what a command prints, what it complains of, and its exit code.

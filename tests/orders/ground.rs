@@ -255,13 +255,14 @@ impl Ground {
                     .unwrap();
             }
             Out::Reconstruct(job) => {
-                let made = PictureName {
+                let name = PictureName {
                     run: job.run,
                     laps: job.laps,
                     subject: job.subject,
                     stage: job.stage,
                 };
-                self.unread.push_back(In::Pictured(made));
+                let is_made = true;
+                self.unread.push_back(In::Pictured { name, is_made });
             }
             Out::StationEvent(_) | Out::BeginRun { .. } | Out::EndRun(_) => {}
         }
@@ -300,7 +301,7 @@ impl Ground {
             }
             input @ (In::Bus(_)
             | In::Planned(_)
-            | In::Pictured(_)
+            | In::Pictured { .. }
             | In::Stops(_)
             | In::StoresSamples(_)) => input,
         };

@@ -47,7 +47,10 @@ pub fn folder_beside() -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    println!("skipped: {} is not there", folder.display());
+    let _ = std::io::Write::write_fmt(
+        &mut std::io::stderr(),
+        format_args!("skipped: {} is not there\n", folder.display()),
+    );
     None
 }
 

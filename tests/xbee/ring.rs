@@ -56,6 +56,7 @@ fn state(index: usize) -> OwnState {
         may_move: true,
         sees: true,
         is_armed: true,
+        is_landed: true,
         battery: Some(1.0),
         leg: None,
         stored: None,

@@ -47,7 +47,7 @@ pub struct RunReport {
     pub end: Option<RunEnd>,
     /// Samples stored.
     pub samples: u64,
-    /// Images made.
+    /// Images made of it, also while it lasts (of those of an earlier start of the station the last few may be missing).
     pub images: u32,
 }
 
@@ -70,7 +70,7 @@ pub struct GroundReport {
     pub laps: u32,
     /// Samples stored of the run.
     pub samples: u64,
-    /// Images made so far.
+    /// Images made of the run, also while it lasts.
     pub images: u32,
     /// The vehicles that it expects to hear, ascending.
     pub expected: Vec<VehicleId>,

@@ -85,6 +85,19 @@ pub enum TaskKind {
         /// The item that it begins with, counted from 1.
         from: u16,
     },
+    /// A sweep as the ground station's file has it, but for what is given: `None` = as there.
+    ConfiguredSweep {
+        /// How the stops are chosen.
+        planner: Option<SweepPlanner>,
+        /// Positions on the border of the area.
+        positions: Option<u16>,
+        /// Laps or rounds.
+        laps: Option<u16>,
+        /// How long a vehicle stays at a stop, milliseconds.
+        dwell_ms: Option<u32>,
+        /// How long it stays at most while it waits for a partner, milliseconds.
+        dwell_limit_ms: Option<u32>,
+    },
 }
 
 /// What a vehicle is out for, without its parameters (see [`TaskKind`]).
@@ -131,7 +144,7 @@ impl MissionKind {
 impl From<&TaskKind> for MissionKind {
     fn from(task: &TaskKind) -> MissionKind {
         match task {
-            TaskKind::Sweep { .. } => MissionKind::Sweep,
+            TaskKind::Sweep { .. } | TaskKind::ConfiguredSweep { .. } => MissionKind::Sweep,
             TaskKind::Legs { .. } => MissionKind::Legs,
             TaskKind::Forward { .. } => MissionKind::Forward,
             TaskKind::Browse => MissionKind::Browse,
@@ -222,6 +235,7 @@ impl TaskKind {
                 ]
             }
             TaskKind::Sweep { .. }
+            | TaskKind::ConfiguredSweep { .. }
             | TaskKind::Browse
             | TaskKind::Search
             | TaskKind::Explore
@@ -251,6 +265,11 @@ impl TaskKind {
             TaskKind::Sweep {
                 dwell_ms,
                 dwell_limit_ms,
+                ..
+            }
+            | TaskKind::ConfiguredSweep {
+                dwell_ms: Some(dwell_ms),
+                dwell_limit_ms: Some(dwell_limit_ms),
                 ..
             } => require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")?,
             TaskKind::Stored { items, from } => stored::check(items, *from)?,

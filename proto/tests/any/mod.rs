@@ -831,8 +831,21 @@ fn task_kind() -> impl Strategy<Value = TaskKind> {
             dwell_ms: a.min(b),
             dwell_limit_ms: a.max(b),
         });
+    let configured = (
+        any::<Option<u16>>(),
+        any::<Option<u16>>(),
+        any::<Option<[u32; 2]>>(),
+    )
+        .prop_map(|(positions, laps, dwell_ms)| TaskKind::ConfiguredSweep {
+            planner: laps.map(|_| SweepPlanner::Fan),
+            positions,
+            laps,
+            dwell_ms: dwell_ms.map(|[a, b]| a.min(b)),
+            dwell_limit_ms: dwell_ms.map(|[a, b]| a.max(b)),
+        });
     prop_oneof![
         sweep,
+        configured,
         vec(position(), 1..9).prop_map(|places| TaskKind::Legs { places }),
         (0..1_000_000_000_u32).prop_map(|distance_mm| TaskKind::Forward { distance_mm }),
         Just(TaskKind::Browse),

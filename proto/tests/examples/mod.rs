@@ -631,6 +631,16 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         ),
         ("task-explore", of_kind(TaskKind::Explore)),
         (
+            "task-configured-sweep",
+            of_kind(TaskKind::ConfiguredSweep {
+                planner: None,
+                positions: None,
+                laps: Some(4),
+                dwell_ms: None,
+                dwell_limit_ms: None,
+            }),
+        ),
+        (
             "task-patrol",
             of_kind(TaskKind::Patrol {
                 places: corners.to_vec(),

@@ -4,19 +4,20 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
+use crate::cli::{person_search, report};
 use crate::config::{Axis, Experiment};
 use crate::geom::Point;
 use crate::node::mission;
 use crate::sim::visible;
-use crate::sim::{EndedMission, NEAR_M, RunOutcome, SLICE, VisibleScene, log};
+use crate::sim::{EndedMission, NEAR_M, RunOutcome, SLICE, Scenario, VisibleScene, log};
 
 /// How a run ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum RowEnd {
-    /// As its file expects.
+    /// As its file expects, and nothing went wrong on the way: `sim` says that it has finished.
     Finished,
-    /// In another way.
+    /// In another way, with a collision or a breach of the fence, or with nothing done.
     Failed,
     /// It could not begin with this seed.
     Refused,
@@ -43,7 +44,7 @@ pub(super) struct RunRow {
     pub(super) run: usize,
     /// How it ended.
     pub(super) end: RowEnd,
-    /// Why it did not finish; empty when it did.
+    /// Why it failed, as `sim` says it; empty when it did not.
     pub(super) why: String,
     /// How the mission ended, of the vehicle with the worst end; empty for a sweep.
     pub(super) mission: String,
@@ -76,15 +77,18 @@ pub(super) struct RunRow {
     pub(super) path_m: f64,
     /// Smallest distance between a body and an object, metres; `None` in an empty scene.
     pub(super) clearance_m: Option<f64>,
-    /// Persons of the scene, where the change since an empty sweep was imaged.
+    /// Persons of the scene, where they were searched in the change since an empty sweep.
     #[serde(default)]
     pub(super) persons: usize,
-    /// How many of them were found within a metre.
+    /// How many of them were found within a metre, each by another find.
     #[serde(default)]
     pub(super) persons_found: usize,
-    /// Finds that are nobody within a metre.
+    /// Finds that are none of them.
     #[serde(default)]
     pub(super) false_finds: usize,
+    /// Persons of the scene who were to be searched and were not: the sweep was given up.
+    #[serde(default)]
+    pub(super) persons_unsearched: usize,
     /// Root mean square of how far the finds of persons are off, metres; `None` when nobody was found.
     #[serde(default)]
     pub(super) find_error_m: Option<f64>,
@@ -117,17 +121,26 @@ impl RunRow {
             persons: 0,
             persons_found: 0,
             false_finds: 0,
+            persons_unsearched: 0,
             find_error_m: None,
             log_hash: String::new(),
         }
     }
 
     /// Takes the figures of an outcome.
-    pub(super) fn of(run: usize, outcome: &RunOutcome, seen: &VisibleScene) -> RunRow {
+    pub(super) fn of(
+        run: usize,
+        scenario: &Scenario,
+        outcome: &RunOutcome,
+        seen: &VisibleScene,
+    ) -> RunRow {
         let tracks = || outcome.tracks.iter().map(|(_, track)| track.as_slice());
         let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
         let places = seen.count_places(&outcome.places);
-        let (found, is_imaged) = (outcome.found(), outcome.change.is_some());
+        let (found, failure) = (outcome.found(), report::failure(scenario, outcome));
+        let persons_when = |is_so: bool| if is_so { outcome.persons.len() } else { 0 };
+        let is_searched = outcome.has_searched();
+        let is_unsearched = person_search::is_wanted(scenario.sim()) && !is_searched;
         let errors_m: Vec<f64> = found
             .iter()
             .filter(|find| find.is_somebody())
@@ -138,12 +151,11 @@ impl RunRow {
         let persons_found = of_persons_m.filter(|error_m| *error_m <= NEAR_M);
         RunRow {
             run,
-            end: if outcome.finished {
-                RowEnd::Finished
-            } else {
-                RowEnd::Failed
+            end: match failure {
+                None => RowEnd::Finished,
+                Some(_) => RowEnd::Failed,
             },
-            why: outcome.failure.clone().unwrap_or_default(),
+            why: failure.unwrap_or_default(),
             mission: worst_of(&outcome.missions),
             mission_s: last_of(&outcome.missions),
             collisions: outcome.collisions.len(),
@@ -161,9 +173,10 @@ impl RunRow {
                 .map(length_m)
                 .fold(0.0, |sum, length_m| sum + length_m),
             clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks()),
-            persons: if is_imaged { outcome.persons.len() } else { 0 },
+            persons: persons_when(is_searched),
             persons_found: persons_found.count(),
             false_finds: found.len() - errors_m.len(),
+            persons_unsearched: persons_when(is_unsearched),
             find_error_m: (!errors_m.is_empty()).then(|| (squares / errors_m.len() as f64).sqrt()),
             log_hash: format!("{:016x}", log::hash(outcome.log.bytes().map(u64::from))),
         }
@@ -179,7 +192,7 @@ impl RunRow {
         share(self.route_detected_cells, self.route_cells)
     }
 
-    fn fields(&self) -> [String; 24] {
+    fn fields(&self) -> [String; 25] {
         let percent =
             |share: Option<f64>| share.map_or(String::new(), |share| format!("{share:.4}"));
         [
@@ -209,12 +222,13 @@ impl RunRow {
             self.false_finds.to_string(),
             self.find_error_m
                 .map_or(String::new(), |metres| format!("{metres:.3}")),
+            self.persons_unsearched.to_string(),
             self.log_hash.clone(),
         ]
     }
 }
 
-const FIELDS: [&str; 24] = [
+const FIELDS: [&str; 25] = [
     "end",
     "why",
     "mission_end",
@@ -238,6 +252,7 @@ const FIELDS: [&str; 24] = [
     "persons_found",
     "false_finds",
     "find_error_m",
+    "persons_unsearched",
     "log_hash",
 ];
 

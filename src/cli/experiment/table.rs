@@ -1,4 +1,4 @@
-//! The table of an experiment: a line for every group of runs, and below it why some did not finish.
+//! The table of an experiment: a line for every group of runs, and below it why some failed.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,7 +9,7 @@ use crate::config::{Axis, Experiment};
 /// Reasons that are shown of a group.
 const REASONS_SHOWN: usize = 3;
 
-const HEAD: [&str; 20] = [
+const HEAD: [&str; 21] = [
     "runs",
     "finished",
     "ends",
@@ -30,17 +30,20 @@ const HEAD: [&str; 20] = [
     "found",
     "nobody",
     "off/m",
+    "unsought",
 ];
 
 const LEGEND: &str = "\
-ends: how missions ended, of each run the vehicle with the worst end. mission: when the last one ended, before the way
+finished: runs that have not failed, as `sim` says it: not stopped by a limit, with something done, no collision and no
+breach of the fence. ends: how missions ended, of each run the vehicle with the worst end. mission: when the last one ended, before the way
 home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen:
 share of the surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the
 same of what was in range along the driven tracks. places: places to visit that a vehicle can get to by the truth of the
 scene, of all runs together; visited: share of them that was visited; false: how many of them were called places to which
 no way leads. clear: least distance between a body and an object. collided, fence: runs with a contact, with a command
-over the fence. found: persons found within 1 m, of all who stood there, where the change since an empty sweep was imaged;
-nobody: finds that are none of them; off: how far off the places of those found are, the mean over runs of the root mean square.
+over the fence. found: persons found within 1 m, each by a find of its own, of all who were searched for in the change since
+an empty sweep; nobody: finds that are none of them; off: how far off the places of those found are, the mean over runs of the
+root mean square; unsought: persons who were to be searched for in a sweep that was given up before that.
 ";
 
 /// Returns the table of some runs in grid order, grouped by axes.
@@ -126,7 +129,8 @@ fn line(names: &[String], rows: &[&RunRow]) -> Vec<String> {
     // Missions without places have no such figures.
     let of_places = |value: String| if places > 0 { value } else { "-".to_owned() };
     let (persons, nobodies) = (sum(|row| row.persons), sum(|row| row.false_finds));
-    let of_finds = |value: String| match persons + nobodies {
+    let unsearched = sum(|row| row.persons_unsearched);
+    let of_finds = |value: String| match persons + nobodies + unsearched {
         0 => "-".to_owned(),
         _ => value,
     };
@@ -152,6 +156,7 @@ fn line(names: &[String], rows: &[&RunRow]) -> Vec<String> {
         of_finds(format!("{}/{persons}", sum(|row| row.persons_found))),
         of_finds(nobodies.to_string()),
         mean(|row| row.find_error_m, 2),
+        of_finds(unsearched.to_string()),
     ];
     names.iter().cloned().chain(rest).collect()
 }
@@ -191,7 +196,7 @@ fn shown(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
-/// Counts why runs did not finish, the most frequent reasons first.
+/// Counts why runs failed, the most frequent reasons first.
 fn reasons<'a>(rows: &[&'a RunRow]) -> Vec<(&'a str, usize)> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for row in rows.iter().filter(|row| !row.why.is_empty()) {
@@ -272,7 +277,7 @@ mod tests {
             lines[1],
             [
                 "zoo", "2", "1", "-", "0", "20", "-", "0.0", "55.0", "50.0", "-", "-", "-", "-",
-                "-", "0.0", "-", "0", "-", "-", "-"
+                "-", "0.0", "-", "0", "-", "-", "-", "-"
             ]
         );
         assert_eq!(lines[2][..7], ["ant", "2", "2", "-", "0", "5", "-"]);
@@ -306,18 +311,23 @@ mod tests {
             find_error_m: off_m,
             ..row(run, 10.0, "")
         };
+        let unsearched = RunRow {
+            persons_unsearched: 2,
+            ..row(3, 10.0, "time is up")
+        };
         let rows = [
             with_persons(0, 2, 0, Some(0.1)),
             with_persons(1, 0, 3, None),
             with_persons(2, 1, 0, Some(0.3)),
+            unsearched,
         ];
         let text = text(&experiment, &rows, &[Axis::Mission]);
         let ends = |line: usize| -> Vec<&str> {
             let words: Vec<&str> = text.lines().nth(line).unwrap().split_whitespace().collect();
-            words[words.len() - 3..].to_vec()
+            words[words.len() - 4..].to_vec()
         };
-        assert_eq!(ends(1), ["2/4", "3", "0.10"]);
-        assert_eq!(ends(2), ["1/2", "0", "0.30"]);
+        assert_eq!(ends(1), ["2/4", "3", "0.10", "0"]);
+        assert_eq!(ends(2), ["1/2", "0", "0.30", "2"]);
     }
 
     #[test]

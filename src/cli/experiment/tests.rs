@@ -231,7 +231,12 @@ fn one_run_alone_is_the_run_of_the_grid() {
     let log = read(folder.path(), "alone/run.log");
     let hash = format!("{:016x}", crate::sim::log::hash(log.bytes().map(u64::from)));
     let csv = read(folder.path(), "grid/runs.csv");
-    assert!(csv.lines().nth(6).unwrap().ends_with(&hash), "{csv}");
+    let row = csv.lines().nth(6).unwrap();
+    assert!(row.ends_with(&hash), "{csv}");
+    assert!(
+        row.contains(",failed,no vehicle did its mission,"),
+        "as sim says it: {csv}"
+    );
     let beyond = run(folder.path(), "alone", |args| args.only = Some(8))
         .1
         .unwrap_err();

@@ -116,7 +116,7 @@ impl Shared<'_> {
             return None;
         }
         Some(match outcome {
-            Ok(outcome) => RunRow::of(run, &outcome, &seen),
+            Ok(outcome) => RunRow::of(run, &scenario, &outcome, &seen),
             Err(RunError::Scenario(error)) => {
                 RunRow::without_figures(run, RowEnd::Refused, error.to_string())
             }

@@ -221,7 +221,7 @@ impl PageServer {
             venue_hash: board.venue_hash(),
             fence: self.venue.fence.clone(),
             homes: self.venue.homes.clone(),
-            pose_sd_max_m: None,
+            pose_sd_max_m: Some(self.venue.swarm.pose_sd_max_m),
             software: software.to_owned(),
         };
         let nodes = inspect(view, &needs, now);

@@ -56,6 +56,8 @@ pub(super) struct Conditions<'a> {
     pub is_held: bool,
     /// Whether samples can be stored: while they cannot, no run is closed.
     pub stores_samples: bool,
+    /// Whether no vehicle is heard just now: then nobody can be seen to get on.
+    pub is_deaf: bool,
 }
 
 /// What follows from the execution for the other parts of the station.
@@ -328,10 +330,14 @@ impl SweepExecution {
         self.phase.stop(at.now);
     }
 
-    /// A vehicle that comes to where it was not since the last stop was done gets on.
+    /// A vehicle that comes to where it was not since the last stop was done gets on. While nobody is heard nobody can be seen
+    /// to get on.
     fn watch_places(&mut self, at: &Conditions<'_>) {
+        if at.is_deaf {
+            self.phase.note_progress(at.now);
+        }
         match self.phase {
-            ExecutionPhase::Running { .. } if !at.is_held => self.idle.go_on(at.now),
+            ExecutionPhase::Running { .. } if !at.is_held && !at.is_deaf => self.idle.go_on(at.now),
             _ => self.idle.pause(),
         }
         for (id, member) in at.fleet.members() {
@@ -396,6 +402,21 @@ impl SweepExecution {
             first_lap: sweep.laps_done(),
             task: None,
         }));
+    }
+
+    /// Gives up a sweep that vehicles are driving, since an operator has begun a later run.
+    pub(super) fn make_way(&mut self, run: RunId, out: &mut Vec<SweepOutput>) {
+        let driven = self.phase.driven().map(SweepRun::run);
+        let Some(driven) = driven.filter(|driven| *driven < run) else {
+            return;
+        };
+        let note = StationEvent::MadeWay {
+            run: driven,
+            next: run,
+        };
+        out.push(SweepOutput::StationEvent(note));
+        let why = format!("run {run} was begun in its place");
+        self.give_up(RunEnd::Stopped, why, out);
     }
 
     fn give_up(&mut self, end: RunEnd, why: impl Into<String>, out: &mut Vec<SweepOutput>) {

@@ -1,8 +1,9 @@
 //! What a station that is started anew needs to go on where it was.
 //!
 //! The station says [`super::Out::Remember`] *before* everything else that it says in the same step, whenever something in
-//! it has changed; the edge stores it before it publishes what follows. So no vehicle ever follows a revision or obeys an
-//! order that a resumed station does not know, and a revision is never given twice. What can be heard again is not
+//! it has changed; the edge stores it before it publishes what follows (or, in trouble, as soon as it can). So no vehicle
+//! ever follows a revision or obeys an order that a resumed station does not know, and a revision is never given twice.
+//! What can be heard again is not
 //! kept: states, progress, who reports a revision. Samples and tiles come from their own tables. Times are kept but count
 //! for nothing: the next start of the station has another clock.
 //!

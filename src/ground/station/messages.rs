@@ -12,6 +12,7 @@ use tomoswarm_proto::{
 use super::super::fleet::FleetChange;
 use super::super::imager::Job;
 use super::super::planner::{PlannerAnswer, Request};
+use super::lost_vehicles::SilenceLimits;
 use super::memory::StationMemory;
 use super::pictures::PictureName;
 use crate::actor::{Input, InputClass};
@@ -25,8 +26,13 @@ pub enum In {
     Bus(Message),
     /// Plans, or why there are none.
     Planned(PlannerAnswer),
-    /// A picture was made.
-    Pictured(PictureName),
+    /// A picture that was asked for is done with.
+    Pictured {
+        /// Which one.
+        name: PictureName,
+        /// Whether it was made; `false` = it cannot be.
+        is_made: bool,
+    },
     /// Which emergency stops are open.
     Stops(Vec<EmergencyStop>),
     /// Samples can be stored, or cannot. Said with every group of them.
@@ -137,6 +143,13 @@ pub enum StationEvent {
     StandsBy(Lease),
     /// Vehicles follow plans of a higher run, by another ground: the sweep is given up.
     Overtaken(RunId),
+    /// An operator has begun a later run: the sweep under way is given up.
+    MadeWay {
+        /// The run that is given up.
+        run: RunId,
+        /// The one that was begun.
+        next: RunId,
+    },
     /// Nobody gets on, also after plans were made anew: the sweep cannot be ended.
     Stalled(RunId),
     /// All vehicles have done a lap.
@@ -186,6 +199,9 @@ impl fmt::Display for StationEvent {
                     f,
                     "gives up its sweep: vehicles follow run {run} of another"
                 )
+            }
+            StationEvent::MadeWay { run, next } => {
+                write!(f, "gives up run {run}: run {next} was begun in its place")
             }
             StationEvent::Stalled(run) => write!(f, "cannot end run {run}: nobody gets on"),
             StationEvent::LapDone {
@@ -239,6 +255,30 @@ pub struct StationSettings {
     pub spot_m: f64,
 }
 
+/// What a station is made with, and never changes.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct StationConstants {
+    pub boot: Boot,
+    /// The run with which runs are compared that have no task.
+    pub compare_with: Option<RunId>,
+    pub silence: SilenceLimits,
+    pub image_times: ImageTimes,
+    /// The length of the fence, metres.
+    pub fence_m: f64,
+}
+
+impl StationConstants {
+    pub(super) fn of(settings: &StationSettings) -> StationConstants {
+        StationConstants {
+            boot: settings.boot,
+            compare_with: settings.compare_with,
+            silence: SilenceLimits::new(settings.lost_after, settings.autonomy),
+            image_times: settings.image_times,
+            fence_m: settings.fence_m,
+        }
+    }
+}
+
 /// Which inputs replace unread ones.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Key {
@@ -250,7 +290,7 @@ pub enum Key {
     Tile(LayerId, TileAddress),
     /// Plans.
     Planned,
-    /// That a picture was made.
+    /// That a picture is done with.
     Pictured(PictureName),
     /// Whether samples can be stored.
     StoresSamples,
@@ -269,7 +309,7 @@ impl Input for In {
                 InputClass::Latest(Key::Tile(report.layer, report.address))
             }
             In::Planned(_) => InputClass::Latest(Key::Planned),
-            In::Pictured(name) => InputClass::Latest(Key::Pictured(*name)),
+            In::Pictured { name, .. } => InputClass::Latest(Key::Pictured(*name)),
             In::StoresSamples(_) => InputClass::Latest(Key::StoresSamples),
             In::Bus(_) | In::Stops(_) => InputClass::Queue,
         }

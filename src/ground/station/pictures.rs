@@ -1,5 +1,5 @@
-//! The pictures of runs: which jobs the imager is given, which last pictures of closed runs are still due, and how many
-//! were made. A last picture that does not come is asked for again, as it is after a restart.
+//! The pictures of runs: which jobs the imager is given, and which last pictures of closed runs are still due. A last picture
+//! that does not come is asked for again, as it is after a restart.
 
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub struct PictureName {
 }
 
 impl PictureName {
-    /// Names a picture that was made.
+    /// Names a picture that was made, or that cannot be.
     pub fn of(picture: &ReconstructedImage) -> PictureName {
         PictureName {
             run: picture.run,
@@ -90,10 +90,11 @@ pub(super) fn job_of_change(sweep: &SweepRun, samples: &SampleStore) -> Option<J
     Some(name.job(Some(compared_with), samples))
 }
 
-/// The pictures that were made, and those that are due.
+/// The pictures that are due.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Pictures {
-    made: u32,
+    /// How many have come that were not for a sweep under way only; that each is counted is remembered by this.
+    taken: u32,
     /// Last pictures of runs that are not made yet, and the run that each is compared with.
     due: Vec<(PictureName, Option<RunId>)>,
     /// When they were asked for last; `None` = the station was started anew since.
@@ -132,12 +133,12 @@ impl Pictures {
         jobs(&self.due[first..], samples)
     }
 
-    /// Records that a picture was made; returns whether it was the last one that was due of its run.
-    pub(super) fn take(&mut self, made: PictureName) -> bool {
-        self.made = self.made.saturating_add(1);
+    /// Records that a picture was made or cannot be; returns whether it was the last one that was due of its run.
+    pub(super) fn take(&mut self, taken: PictureName) -> bool {
+        self.taken = self.taken.saturating_add(1);
         let was_due = self.due.len();
-        self.due.retain(|(name, _)| *name != made);
-        self.due.len() < was_due && !self.due.iter().any(|(name, _)| name.run == made.run)
+        self.due.retain(|(name, _)| *name != taken);
+        self.due.len() < was_due && !self.due.iter().any(|(name, _)| name.run == taken.run)
     }
 
     /// Returns the jobs for all pictures that are due if they have not come in time, or the station was started anew.
@@ -150,19 +151,14 @@ impl Pictures {
         jobs(&self.due, samples)
     }
 
-    /// Returns how many were made.
-    pub(super) fn made(&self) -> u32 {
-        self.made
-    }
-
     /// Returns whether two are the same, whatever their times. Every field is named, so that none is forgotten.
     pub(super) fn is_same_but_for_times(&self, other: &Pictures) -> bool {
         let Pictures {
-            made,
+            taken,
             due,
             asked_at: _,
         } = self;
-        *made == other.made && *due == other.due
+        *taken == other.taken && *due == other.due
     }
 }
 
@@ -277,7 +273,6 @@ mod tests {
         assert!(!pictures.take(name(Subject::Structure)));
         assert!(pictures.take(name(Subject::Change)));
         assert!(!pictures.take(name(Subject::Change)), "it was not due");
-        assert_eq!(pictures.made(), 5);
     }
 
     #[test]

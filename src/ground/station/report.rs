@@ -7,7 +7,6 @@ use super::execution::{ExecutionPhase, SweepExecution, SweepRun};
 use super::leases::Leases;
 use super::lost_vehicles::is_too_few;
 use super::order_in_force::OrderInForce;
-use super::pictures::Pictures;
 use super::run_registry::RunRegistry;
 use crate::ground::fleet::Fleet;
 use crate::ground::samples::SampleStore;
@@ -25,7 +24,6 @@ pub(super) struct PartsToReport<'a> {
     pub order: OrderInForce,
     pub runs: &'a RunRegistry,
     pub execution: &'a SweepExecution,
-    pub pictures: &'a Pictures,
     /// Messages of vehicles that are not expected.
     pub strangers: u64,
 }
@@ -50,7 +48,7 @@ impl PartsToReport<'_> {
             laps_done: count(of_run.laps_done),
             laps: count(of_run.laps),
             samples: self.samples.count(of_run.run),
-            images: self.pictures.made(),
+            images: self.runs.runs().images(of_run.run),
             expected: self.fleet.members().map(|(id, _)| id).collect(),
             members: planned_for.map_or_else(|| self.fleet.present(), <[VehicleId]>::to_vec),
             lost: self.fleet.lost(),

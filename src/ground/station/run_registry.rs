@@ -86,9 +86,9 @@ impl RunRegistry {
         self.closed.insert(run);
     }
 
-    /// Counts a picture of a run.
-    pub(super) fn count_picture(&mut self, run: RunId) {
-        self.runs.count_picture(run);
+    /// Counts pictures of a run that were made.
+    pub(super) fn count_pictures(&mut self, run: RunId, made: u32) {
+        self.runs.count_pictures(run, made);
     }
 
     /// Takes up a run of before this station had a memory: no old order begins it again.
@@ -132,7 +132,8 @@ impl RunRegistry {
         &self.runs
     }
 
-    /// Returns whether two are the same, whatever their times. Every field is named, so that none is forgotten.
+    /// Returns whether two are the same, whatever their times and their counts of images. Every field is named, so that none is
+    /// forgotten.
     pub(super) fn is_same_but_for_times(&self, other: &RunRegistry) -> bool {
         let RunRegistry {
             runs,
@@ -144,7 +145,7 @@ impl RunRegistry {
         *requested == other.requested
             && *newest == other.newest
             && *closed == other.closed
-            && *runs == other.runs
+            && runs.is_same_but_for_images(&other.runs)
     }
 
     fn withdraw(&mut self, run: RunId) {
@@ -174,12 +175,12 @@ mod tests {
     }
 
     fn sweep() -> TaskKind {
-        TaskKind::Sweep {
-            planner: tomoswarm_proto::SweepPlanner::RotatingGap,
-            positions: 16,
+        TaskKind::ConfiguredSweep {
+            planner: None,
+            positions: Some(16),
             laps: None,
-            dwell_ms: 0,
-            dwell_limit_ms: 0,
+            dwell_ms: None,
+            dwell_limit_ms: None,
         }
     }
 
@@ -266,7 +267,8 @@ mod tests {
         assert!(!differs(|it| it.count_from(at(9))));
         assert!(differs(|it| it.close(RunId(1))));
         assert!(differs(RunRegistry::begin_requested));
-        assert!(differs(|it| it.count_picture(RunId(2))));
+        assert!(!differs(|it| it.count_pictures(RunId(2), 1)));
+        assert!(differs(|it| it.end(RunId(2), RunEnd::Failed, "")));
         assert!(differs(|it| it.newest = RunId(9)));
     }
 }

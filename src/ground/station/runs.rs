@@ -39,12 +39,33 @@ struct Run {
     end: Option<RunEnd>,
     /// Why it ended so, in words.
     why: String,
+    /// Images that were made, also while it lasted.
     images: u32,
 }
 
 impl Run {
     fn is_of_vehicles(&self) -> bool {
         self.is_begun && self.kind != MissionKind::Sweep
+    }
+
+    /// Returns whether two are the same, however many images there are. Every field is named, so that none is forgotten.
+    fn is_same_but_for_images(&self, other: &Run) -> bool {
+        let Run {
+            kind,
+            compared_with,
+            sweep,
+            is_task,
+            members,
+            is_begun,
+            end,
+            why,
+            images: _,
+        } = self;
+        (*kind, *compared_with) == (other.kind, other.compared_with)
+            && (*sweep, *is_task) == (other.sweep, other.is_task)
+            && *members == other.members
+            && (*is_begun, *end) == (other.is_begun, other.end)
+            && *why == other.why
     }
 
     /// Returns whether it goes on beside one that is begun: other vehicles have other missions of their own.
@@ -108,11 +129,25 @@ impl Runs {
         self.forget();
     }
 
-    /// Counts a picture of a run.
-    pub(super) fn count_picture(&mut self, run: RunId) {
+    /// Counts pictures of a run that were made.
+    pub(super) fn count_pictures(&mut self, run: RunId, made: u32) {
         if let Some(known) = self.0.get_mut(&run) {
-            known.images = known.images.saturating_add(1);
+            known.images = known.images.saturating_add(made);
         }
+    }
+
+    /// Returns how many pictures of a run were made.
+    pub(super) fn images(&self, run: RunId) -> u32 {
+        self.0.get(&run).map_or(0, |known| known.images)
+    }
+
+    /// Returns whether two are the same, however many images there are: of those that are made while a run lasts there are too
+    /// many to store something for each.
+    pub(super) fn is_same_but_for_images(&self, other: &Runs) -> bool {
+        let is_same = |((run, known), (other_run, other)): ((&RunId, &Run), (&RunId, &Run))| {
+            run == other_run && known.is_same_but_for_images(other)
+        };
+        self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(is_same)
     }
 
     /// Returns whether the ground station plans a run; of one that nobody has given as a task it does.

@@ -132,11 +132,22 @@ fn answer(revision: u32) -> In {
     })
 }
 
+/// The vehicle says again what it said last, if it was heard.
+fn says_again(station: &mut Station, time_s: f64) {
+    let (_, member) = station.fleet.members().next().unwrap();
+    if let Some(state) = member.state().cloned() {
+        let sequence = state.sequence + 1;
+        let again = Message::State(State { sequence, ..state });
+        fed(station, time_s, In::Bus(again));
+    }
+}
+
 /// Ticks until something is noted; when, and what.
 fn next_note(station: &mut Station, within_s: f64) -> Option<StationEvent> {
     let mut out = Vec::new();
     let until = station.deadline()?.at + Duration::from_secs_f64(within_s);
     while let Some(deadline) = station.deadline().filter(|deadline| deadline.at < until) {
+        says_again(station, deadline.at.as_secs_f64());
         station.wake(deadline.at, &mut out).unwrap();
         let note = out.drain(..).find_map(|out| match out {
             Out::StationEvent(note) => Some(note),

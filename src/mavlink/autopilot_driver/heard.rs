@@ -35,6 +35,8 @@ const DUPLICATE_AFTER: usize = 3;
 const DUPLICATE_WITHIN: Duration = Duration::from_secs(10);
 /// What says how good a place is, is believed for this long.
 const FIX_LASTS: Duration = Duration::from_secs(3);
+/// A mode that was not said again for this long is not known any more: five heartbeats.
+const HEARTBEAT_LASTS: Duration = Duration::from_secs(5);
 
 /// A pulse is of the switch's position when it is this near to it, microseconds.
 const SWITCH_WITHIN_US: u16 = 150;
@@ -273,7 +275,11 @@ impl Heard {
         now: Time,
         settings: &MavlinkDriverSettings,
     ) -> Option<AutopilotReport> {
-        let (_, heartbeat) = self.heartbeat.as_ref()?;
+        // One whose mode is not known any more may have been taken over.
+        let (_, heartbeat) = self
+            .heartbeat
+            .as_ref()
+            .filter(|(at, _)| now.since(*at) <= HEARTBEAT_LASTS)?;
         if self.is_other(settings).is_some() || self.trouble_of_two(now, settings).is_some() {
             return None;
         }

@@ -58,7 +58,7 @@ pub(crate) enum DoubtStep {
     Look(CloseLook),
     /// No way exists, even if everything were free but what is confirmed; by the middles of cells that bar, a few.
     NoWay(Vec<Point>),
-    /// Everything in doubt was looked at; what bars still, by the middles of cells, a few.
+    /// Everything in doubt was looked at that can be; what was and bars still, by the middles of cells, a few.
     Spent(Vec<Point>),
 }
 
@@ -261,7 +261,13 @@ impl Doubts {
     fn spent(&self, search: &PathSearch<'_>) -> DoubtStep {
         let is_first = |(index, cell): &(usize, &Cell)| !self.given_up[..*index].contains(cell);
         let given_up = self.given_up.iter().enumerate().filter(is_first);
-        let middles = given_up.map(|(_, cell)| search.lattice().centre(*cell));
+        // Of what could not be looked at from anywhere nobody knows whether it bars: the ground there may be empty.
+        let lattice = search.lattice();
+        let was_looked_at =
+            |(_, cell): &(usize, &Cell)| !self.places_of(lattice, **cell).is_empty();
+        let middles = given_up
+            .filter(was_looked_at)
+            .map(|(_, cell)| lattice.centre(*cell));
         DoubtStep::Spent(middles.take(NAMED).collect())
     }
 

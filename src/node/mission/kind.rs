@@ -182,7 +182,7 @@ impl AnyBehaviour {
             |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect::<Vec<_>>();
         let metres = |length_mm: u32| f64::from(length_mm) / 1000.0;
         Some(match settings.task.as_ref()? {
-            TaskKind::Sweep { .. } => return None,
+            TaskKind::Sweep { .. } | TaskKind::ConfiguredSweep { .. } => return None,
             TaskKind::Legs { places } => AnyBehaviour::Straight(Straight::along(&points(places))),
             TaskKind::Forward { distance_mm } => {
                 AnyBehaviour::Straight(Straight::ahead(metres(*distance_mm)))

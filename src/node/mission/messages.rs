@@ -127,7 +127,8 @@ pub enum MissionEvent {
     NoWay(Point, Vec<Point>),
     /// Something that may bar its way and may not is looked at from near.
     LooksClosely(Point),
-    /// What may bar the way to a place of the mission was looked at from near and bars still: these cells, a few.
+    /// What may bar the way to a place of the mission was looked at from near and bars still: these cells, a few; none when it
+    /// cannot be looked at.
     StaysDoubtful(Point, Vec<Point>),
     /// The mission has ended.
     Ended(EndReason),
@@ -191,7 +192,11 @@ impl fmt::Display for MissionEvent {
             }
             MissionEvent::LooksClosely(at) => write!(f, "looks closely at {at}"),
             MissionEvent::StaysDoubtful(at, bars) => {
-                write!(f, "is not sure of a way to {at}: {}", barred_at(bars))
+                let why = match bars.is_empty() {
+                    true => "what may bar it cannot be looked at from near".to_owned(),
+                    false => barred_at(bars),
+                };
+                write!(f, "is not sure of a way to {at}: {why}")
             }
             MissionEvent::Ended(how) => write!(f, "has ended its mission: {how}"),
             MissionEvent::Home => f.write_str("is home"),
@@ -415,5 +420,21 @@ impl Input for In {
             }
             (_, newer) => newer,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_that_stays_doubtful_is_barred_at_no_ground_that_was_not_looked_at() {
+        let check = |bars: Vec<Point>, expected: &str| {
+            let words = MissionEvent::StaysDoubtful(Point::new(4.6, 5.0), bars).to_string();
+            let start = "is not sure of a way to [4.600, 5.000]: ";
+            assert_eq!(words, format!("{start}{expected}"));
+        };
+        check(vec![Point::new(2.1, 4.7)], "it is barred at [2.100, 4.700]");
+        check(Vec::new(), "what may bar it cannot be looked at from near");
     }
 }

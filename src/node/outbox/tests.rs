@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tomoswarm_proto::HeardFrom;
 
+use super::held::BATCH;
 use super::*;
 
 const OWN: VehicleId = VehicleId(1);
@@ -115,7 +116,11 @@ impl Rig {
             .collect();
         let is_end = all.len() <= CHUNK;
         let samples = all.into_iter().take(CHUNK).collect();
-        self.tell(In::Recalled(Recalled { samples, is_end }));
+        self.tell(In::Recalled(Recalled {
+            after,
+            samples,
+            is_end,
+        }));
     }
 
     /// Lets it act at its next deadline; returns the batches.
@@ -361,4 +366,71 @@ fn what_the_edge_had_no_room_for_counts_as_lost_unless_it_is_held_or_confirmed()
     };
     rig.tell(In::Dropped(DroppedSamples { first, below: 15 }));
     assert_eq!(rig.outbox.lost, 5);
+}
+
+/// Returns what all batches of some seconds say is lost of boot 1 and run 1.
+fn said_lost(rig: &mut Rig, seconds: usize) -> BTreeSet<(u64, u64)> {
+    let batches = (0..seconds).flat_map(|_| rig.flush()).collect::<Vec<_>>();
+    let ranges = batches.iter().flat_map(|batch| &batch.lost);
+    ranges.map(|lost| (lost.from, lost.until)).collect()
+}
+
+#[test]
+fn what_the_edge_never_had_is_said_to_be_lost_once_it_was_read() {
+    let mut rig = Rig::new();
+    rig.tell(have(1, &[], &[]));
+    rig.keep(0..3);
+    rig.keep(5..7);
+    assert!(said_lost(&mut rig, 1).is_empty(), "it may be at the edge");
+    assert_eq!(said_lost(&mut rig, 8), [(3, 5)].into());
+    assert_eq!(rig.outbox.lost, 0, "the edge counts what it never had");
+    rig.tell(have(1, &[(1, 1, 5)], &[]));
+    rig.keep(7..8);
+    assert!(said_lost(&mut rig, 8).is_empty(), "it was passed over");
+}
+
+#[test]
+fn what_the_edge_had_no_room_for_is_said_to_be_lost_but_for_what_is_held() {
+    let mut rig = Rig::new();
+    rig.keep(10..20);
+    let first = SampleKey {
+        boot: Boot(1),
+        run: RunId(1),
+        sequence: 0,
+    };
+    rig.tell(In::Dropped(DroppedSamples { first, below: 15 }));
+    assert_eq!(said_lost(&mut rig, 1), [(0, 10)].into());
+}
+
+#[test]
+fn what_was_forgotten_for_another_store_does_not_hold_up_a_new_one() {
+    let mut rig = Rig::new();
+    rig.keep(0..10);
+    rig.disk.retain(|place, _| place.sequence >= 6);
+    rig.outbox = Outbox::new(OWN);
+    rig.tell(have(2, &[], &[]));
+    assert_eq!(said_lost(&mut rig, 3), [(0, 6)].into());
+}
+
+#[test]
+fn an_answer_to_another_question_proves_nothing_lost() {
+    let mut rig = Rig::new();
+    rig.tell(have(1, &[], &[]));
+    let mut out = Vec::new();
+    rig.now = rig.outbox.deadline().unwrap().at;
+    rig.outbox.wake(rig.now, &mut out).unwrap();
+    assert!(out.contains(&Out::Recall { after: None }));
+    let place = |sequence| SampleKey {
+        boot: Boot(1),
+        run: RunId(1),
+        sequence,
+    };
+    let samples = vec![(Boot(1), RunId(1), sample(41))];
+    rig.tell(In::Recalled(Recalled {
+        after: Some(place(40)),
+        samples,
+        is_end: false,
+    }));
+    rig.keep(0..1);
+    assert!(said_lost(&mut rig, 1).is_empty());
 }

@@ -1,18 +1,24 @@
 //! What was heard of each peer last, and the samples that follow: one of each newer beacon heard, and one of each that was
-//! missed between two, at both ends' places between those then and now. Decides neither for which run is measured nor
-//! when to speak.
+//! missed between two, at both ends' places between those then and now, as far as these can be told. Decides neither for which
+//! run is measured nor when to speak.
 //!
 //! A beacon that comes twice, or after a newer one, is no news. What was called missed when a newer one came stays so.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, RunId, Sample, VehicleId};
+use tomoswarm_proto::{
+    BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, Position, RunId, Sample, VehicleId,
+};
 
 use super::ring::MEMBER_FOR;
 use crate::geom::Pose;
 use crate::time::Time;
 
+/// So near to a place where it was heard, metres, an end that did not drive straight on was on the way to it, too.
+const NEAR_M: f64 = 1.0;
+/// Who faces its way this closely, radians, at both its ends, drove straight on (15°).
+const STRAIGHT_RAD: f64 = 0.262;
 /// A gap of more beacons than this is a new start, not that many misses.
 const MISSES_MAX: u32 = 200;
 
@@ -44,7 +50,9 @@ struct Last {
     /// Where it believed to be, if it knew.
     pose: Option<PoseReport>,
     /// Where the receiver was then, if it knew.
-    receiver: Option<Pose>,
+    receiver: Option<PoseReport>,
+    /// In which run it was measured; `None` = in none.
+    run: Option<RunId>,
 }
 
 impl Reception {
@@ -91,7 +99,7 @@ impl Reception {
         &mut self,
         now: Time,
         heard: &HeardBeacon,
-        receiver: Option<Pose>,
+        receiver: Option<PoseReport>,
         measures: Option<RunId>,
     ) -> Vec<Sample> {
         let Beacon {
@@ -102,11 +110,10 @@ impl Reception {
             ref progress,
             ..
         } = heard.beacon;
-        let made = match (receiver, measures) {
-            // If the two are not of one run, nobody would know what was measured.
-            (Some(receiver), Some(run)) if progress.run == run => {
-                self.measure(now, heard, receiver)
-            }
+        // If the two are not of one run, nobody would know what was measured.
+        let run = measures.filter(|run| progress.run == *run);
+        let made = match (receiver, run) {
+            (Some(receiver), Some(_)) => self.measure(now, heard, receiver),
             (Some(_) | None, Some(_) | None) => Vec::new(),
         };
         self.heard.insert(
@@ -117,12 +124,13 @@ impl Reception {
                 at: now,
                 pose,
                 receiver,
+                run,
             },
         );
         made
     }
 
-    fn measure(&mut self, now: Time, heard: &HeardBeacon, receiver: Pose) -> Vec<Sample> {
+    fn measure(&mut self, now: Time, heard: &HeardBeacon, receiver: PoseReport) -> Vec<Sample> {
         let HeardBeacon { beacon, rssi_dbm } = heard;
         let Some(transmitter) = beacon.pose else {
             return Vec::new();
@@ -134,10 +142,11 @@ impl Reception {
         let mut made = Vec::new();
         for share in 1..=missed {
             let along = f64::from(share) / f64::from(missed + 1);
-            let transmitter_then =
-                between(last_transmitter.into(), transmitter.into(), along).into();
+            let transmitter_then = between(last_transmitter, transmitter, along);
             let receiver_then = between(last_receiver, receiver, along);
-            made.push(self.sample(now, beacon, (transmitter_then, receiver_then), None));
+            if let Some(ends) = transmitter_then.zip(receiver_then) {
+                made.push(self.sample(now, beacon, ends, None));
+            }
         }
         if Pose::from(transmitter).sd_m <= self.pose_sd_max_m {
             made.push(self.sample(now, beacon, (transmitter, receiver), Some(*rssi_dbm)));
@@ -154,7 +163,8 @@ impl Reception {
             .sequence
             .saturating_sub(last.sequence)
             .saturating_sub(1);
-        if last.boot == beacon.boot && gap <= MISSES_MAX {
+        let is_of_run = last.run == Some(beacon.progress.run);
+        if is_of_run && last.boot == beacon.boot && gap <= MISSES_MAX {
             gap
         } else {
             0
@@ -166,7 +176,7 @@ impl Reception {
         &mut self,
         now: Time,
         beacon: &Beacon,
-        (transmitter_pose, receiver_pose): (PoseReport, Pose),
+        (transmitter_pose, receiver_pose): (PoseReport, PoseReport),
         rssi_dbm: Option<i16>,
     ) -> Sample {
         let count = self.samples.entry(beacon.progress.run).or_default();
@@ -177,7 +187,7 @@ impl Reception {
             heard_at_ns: now.as_nanos(),
             transmitter: beacon.sender,
             transmitter_pose,
-            receiver_pose: receiver_pose.into(),
+            receiver_pose,
             channel: beacon.channel,
             power_dbm: beacon.power_dbm,
             rssi_dbm,
@@ -185,11 +195,19 @@ impl Reception {
     }
 }
 
-fn between(from: Pose, to: Pose, share: f64) -> Pose {
-    Pose {
-        at: from.at.toward(to.at, share),
+/// Returns where an end was at a share of the time between two places; `None` when it may have gone another way.
+fn between(from: PoseReport, to: PoseReport, share: f64) -> Option<PoseReport> {
+    let (began, ended) = (Pose::from(from), Pose::from(to));
+    let way = ended.at - began.at;
+    let way_m = way.length_m();
+    let is_near = way_m * share.min(1.0 - share) <= NEAR_M;
+    let faces = |pose: Pose| pose.heading.is_near(way.angle(), STRAIGHT_RAD);
+    let at = began.at.toward(ended.at, share);
+    let z_m = from.at.z_m() + (to.at.z_m() - from.at.z_m()) * share;
+    (is_near || (faces(began) && faces(ended))).then(|| PoseReport {
+        at: Position::from_metres(at.x_m, at.y_m, z_m),
         ..to
-    }
+    })
 }
 
 #[cfg(test)]

@@ -28,6 +28,8 @@ pub struct Instruction {
     pub expected: BTreeSet<VehicleId>,
     /// In which run; `None` = as above.
     pub run: Option<RunId>,
+    /// Whether a run that is under way is given up for the one that a start begins.
+    pub ends_run: bool,
     /// Whether a lease is taken from whoever holds it.
     pub take_over: bool,
     /// Random id of this operator.

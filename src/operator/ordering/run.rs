@@ -4,7 +4,7 @@ use tomoswarm_proto::{GroundReport, MissionEnd, MissionKind, RunId, StationPhase
 
 use super::{LAST_REVISION, Ordering};
 use crate::operator::given_tasks::TaskRequest;
-use crate::operator::outcome::VehicleOutcome;
+use crate::operator::outcome::{OrderRefusal, VehicleOutcome};
 use crate::time::Time;
 
 impl Ordering {
@@ -65,6 +65,36 @@ impl Ordering {
             .unwrap_or(if is_new { self.next_run(now) } else { newest });
         self.run = Some(run);
         run
+    }
+
+    /// Returns why no other run may begin: one is under way that is not to be given up.
+    pub(super) fn run_under_way(&self, now: Time) -> Option<OrderRefusal> {
+        let is_own = self.instruction.mission.is_some();
+        let asked = self
+            .instruction
+            .run
+            .or_else(|| is_own.then(|| self.next_run(now)))?;
+        let GroundReport {
+            phase,
+            run: under_way,
+            ..
+        } = &self.view.ground(now)?.value;
+        let under_way = *under_way;
+        let is_driven = match phase {
+            StationPhase::Stopping | StationPhase::Planning | StationPhase::Running => true,
+            StationPhase::Idle | StationPhase::Waiting | StationPhase::Closing => false,
+        };
+        let is_refused = is_driven && under_way != asked && !self.instruction.ends_run;
+        is_refused.then_some(OrderRefusal::UnderWay { under_way, asked })
+    }
+
+    /// Returns what the mission that is to be begun lacks of the ground station; before that was listened for, nothing.
+    pub(super) fn mission_misfit(&self, now: Time) -> Option<OrderRefusal> {
+        let ground = self.view.ground(now).map(|report| &report.value);
+        let is_known = ground.is_some() || self.has_listened(now);
+        let mission = self.instruction.mission.as_ref();
+        let mission = mission.filter(|_| is_known && !self.is_task_given)?;
+        mission.judge(ground).err().map(OrderRefusal::Mission)
     }
 
     /// Returns the newest run that anybody was started in.

@@ -22,6 +22,7 @@ fn want(kind: Kind) -> Instruction {
         although_unheard: BTreeSet::new(),
         lifts_many: false,
         run: None,
+        ends_run: false,
         take_over: false,
         holder: OWN,
         venue_hash: 5,

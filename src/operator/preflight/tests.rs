@@ -3,8 +3,8 @@
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
     AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind,
-    Permille, Power, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Sender,
-    ServoKind, State,
+    Permille, Power, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, RunId,
+    RunReport, Sender, ServoKind, State,
 };
 
 use super::super::HeardMessage;
@@ -399,8 +399,22 @@ fn each_check_of_the_ground_can_refuse() {
                 .troubles
                 .push("store: disk full".to_owned())
         },
-        &["ground: store"],
+        &["ground: troubles"],
     );
+    // The next run may begin after one that has failed.
+    let failed = |run: u32| {
+        move |swarm: &mut Swarm| {
+            let report = &mut swarm.reports[0];
+            report.runs = vec![RunReport {
+                run: RunId(9),
+                end: Some(RunEnd::Failed),
+                ..RunReport::default()
+            }];
+            report.troubles = vec![format!("run {run} has failed: too few positions")];
+        }
+    };
+    wrong(failed(9), &[]);
+    wrong(failed(8), &["ground: troubles"]);
     let higher = Rover::ordered(
         1,
         Lease {

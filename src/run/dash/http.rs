@@ -1,7 +1,8 @@
 //! The server of HTTP on a thread of its own: files of the page, the feed, orders. It judges names and origins of requests,
-//! says what a browser may do with an answer, and hands everything else to the loop. Beside `tls` it alone names axum, with
-//! [`looks`], the answers that change nothing.
+//! says what a browser may do with an answer, and hands everything else to the loop. Beside `tls` and `connections` it alone
+//! names axum, with [`feeds`], the connections of frames, [`posted`] and [`looks`], the answers that change nothing.
 
+mod feeds;
 mod looks;
 mod posted;
 
@@ -14,54 +15,34 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use axum::Router;
-use axum::body::Bytes;
-use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{DefaultBodyLimit, Request as HttpRequest, State};
+use axum::body::{Body, to_bytes};
+use axum::extract::{ConnectInfo, Request as HttpRequest, State};
 use axum::http::header::{self, HeaderMap, HeaderName};
 use axum::http::{HeaderValue, StatusCode, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
-use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout};
+use tokio::time::timeout;
 use tokio_rustls::rustls::ServerConfig;
 use tomoswarm_proto::{RunId, Sender};
 
+use self::feeds::{feed, foxglove};
 use self::looks::{
     cell, export, ghost, links, mesh, metrics, places, preflight, settings, waypoints, why,
 };
 use self::posted::{mark, order};
-use super::connections::PlainListener;
+use super::connections::{ConnectionPlace, PlainListener};
 use super::files;
 use super::tls::TlsListener;
 use crate::dash::gate::{Gate, GateRefusal, INBOUND_MAX, OwnNames, PageId};
 use crate::dash::page_server::CellQuestion;
 use crate::dash::run_files::MissionFormat;
 
-/// Frames that wait for a page's connection; more are never on their way to it.
-const FRAMES_WAITING: usize = 8;
-/// A loop that has no room is told again so soon that a page is gone.
-const AGAIN: Duration = Duration::from_millis(50);
-/// The reason of a closed connection has at most this many bytes.
-const REASON_BYTES: usize = 120;
-/// Why it is closed: a policy is violated; or it may be tried again later (RFC 6455, 7.4.1, and its registry).
-const CLOSED_FOR_GOOD: u16 = 1008;
-const CLOSED_FOR_NOW: u16 = 1013;
-
-/// The other side is asked this often whether it is there; browsers answer by themselves.
-const PING_EVERY: Duration = Duration::from_secs(5);
-/// A connection from which nothing has come for so long is dead.
-const DEAD_AFTER: Duration = Duration::from_secs(15);
-/// So is one that takes nothing for so long.
-const TAKES_WITHIN: Duration = Duration::from_secs(60);
-
+/// The body of a request must come within this time after its head.
+const BODY_WITHIN: Duration = Duration::from_secs(5);
 /// What most answers are.
 const JSON_TYPE: &str = "application/json";
-
-/// The protocols of Foxglove and Lichtblick that are spoken: two names of the same.
-const FOXGLOVE_PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
-/// Longest message of such a viewer, bytes: it names channels by the hundred.
-const VIEWER_INBOUND_MAX: usize = 16 << 10;
 
 /// What a browser may do with anything that it gets here.
 const HEADERS: [(HeaderName, &str); 5] = [
@@ -260,10 +241,12 @@ impl HttpServer {
             let served = runtime.block_on(async {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
                 let serving = async {
+                    let router = router(shared);
+                    let service = router.into_make_service_with_connect_info::<ConnectionPlace>();
                     match tls {
-                        None => axum::serve(PlainListener::new(listener), router(shared)).await,
+                        None => axum::serve(PlainListener::new(listener), service).await,
                         Some(config) => {
-                            axum::serve(TlsListener::start(listener, config)?, router(shared)).await
+                            axum::serve(TlsListener::start(listener, config)?, service).await
                         }
                     }
                 };
@@ -312,13 +295,22 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/places", post(places))
         .route("/why", post(why))
         .fallback(get(file))
-        .layer(DefaultBodyLimit::max(INBOUND_MAX))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
         .with_state(shared)
 }
 
-/// Refuses whoever names another host, and says of each answer what may be done with it.
-async fn guard(State(shared): State<Arc<Shared>>, request: HttpRequest, next: Next) -> Response {
+/// Refuses whoever names another host, and says of each answer what may be done with it; and of the connection how far it is.
+async fn guard(
+    State(shared): State<Arc<Shared>>,
+    ConnectInfo(place): ConnectInfo<ConnectionPlace>,
+    request: HttpRequest,
+    next: Next,
+) -> Response {
+    place.has_asked();
+    let authorization = only(request.headers(), header::AUTHORIZATION);
+    if shared.gate.judge_looking(authorization).is_ok() {
+        place.has_shown_token();
+    }
     let host = only(request.headers(), header::HOST);
     let mut response = match shared.names.judge_host(host) {
         Ok(()) => next.run(request).await,
@@ -329,7 +321,27 @@ async fn guard(State(shared): State<Arc<Shared>>, request: HttpRequest, next: Ne
             .headers_mut()
             .insert(name, HeaderValue::from_static(value));
     }
+    place.is_answered(response.status() == StatusCode::SWITCHING_PROTOCOLS);
     response
+}
+
+/// Reads the body of a request; words say what is expected if it is longer.
+///
+/// # Errors
+/// The answer to one that is too long, too slow, or breaks off.
+async fn body_of(body: Body, bytes_max: usize, what: &str) -> Result<Vec<u8>, Response> {
+    match timeout(BODY_WITHIN, to_bytes(body, bytes_max)).await {
+        Ok(Ok(bytes)) => Ok(bytes.to_vec()),
+        Ok(Err(_)) => {
+            let text = format!("{what} of at most {bytes_max} bytes is expected");
+            Err((StatusCode::PAYLOAD_TOO_LARGE, text).into_response())
+        }
+        Err(_) => {
+            let seconds = BODY_WITHIN.as_secs();
+            let text = format!("the body did not come within {seconds} s");
+            Err((StatusCode::REQUEST_TIMEOUT, text).into_response())
+        }
+    }
 }
 
 /// Returns the value of a header that is there once.
@@ -349,7 +361,9 @@ fn refused(refusal: &GateRefusal) -> Response {
         | GateRefusal::LookOnly
         | GateRefusal::NoSeat => StatusCode::FORBIDDEN,
         GateRefusal::SeatTaken(_) | GateRefusal::NotOpen => StatusCode::CONFLICT,
-        GateRefusal::Pages | GateRefusal::Flood => StatusCode::TOO_MANY_REQUESTS,
+        GateRefusal::Pages | GateRefusal::Flood | GateRefusal::Waiting => {
+            StatusCode::TOO_MANY_REQUESTS
+        }
         GateRefusal::Unreadable(_) => StatusCode::BAD_REQUEST,
     };
     (status, refusal.to_string()).into_response()
@@ -386,170 +400,11 @@ async fn ask<T: IntoResponse>(
         .requests
         .send(request(authorization.to_owned(), reply))
     {
-        return refused(&GateRefusal::Flood);
+        return refused(&GateRefusal::Waiting);
     }
     match answer.await {
         Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
     }
-}
-
-async fn feed(
-    State(shared): State<Arc<Shared>>,
-    headers: HeaderMap,
-    upgrade: WebSocketUpgrade,
-) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
-        return refused(&refusal);
-    }
-    upgrade
-        .max_message_size(INBOUND_MAX)
-        .max_frame_size(INBOUND_MAX)
-        .on_upgrade(move |socket| connect(socket, shared.requests.clone()))
-}
-
-/// Opens a connection of Foxglove or Lichtblick. They come from pages of their own, and say no token but by the address: that, and
-/// nothing else, lets them look.
-async fn foxglove(
-    State(shared): State<Arc<Shared>>,
-    uri: Uri,
-    upgrade: WebSocketUpgrade,
-) -> Response {
-    let token = uri.query().and_then(|query| query.strip_prefix("look="));
-    let token = token.unwrap_or_default().to_owned();
-    if let Err(refusal) = shared.gate.right_of(&token) {
-        return refused(&refusal);
-    }
-    let upgrade = upgrade.protocols(FOXGLOVE_PROTOCOLS);
-    if upgrade.selected_protocol().is_none() {
-        let [one, other] = FOXGLOVE_PROTOCOLS;
-        let reason = format!("the protocol {one} or {other} is expected");
-        return refused(&GateRefusal::Unreadable(reason));
-    }
-    upgrade
-        .max_message_size(VIEWER_INBOUND_MAX)
-        .max_frame_size(VIEWER_INBOUND_MAX)
-        .on_upgrade(move |socket| connect_viewer(socket, token, shared.requests.clone()))
-}
-
-async fn connect_viewer(mut socket: WebSocket, token: String, requests: RequestSender) {
-    let (frames, mut outbound) = mpsc::channel(super::viewers::FRAMES_WAITING);
-    let (reply, answer) = oneshot::channel();
-    let open = Request::OpenViewer {
-        token,
-        frames,
-        reply,
-    };
-    if !requests.send(open) {
-        return close(socket, &GateRefusal::Flood).await;
-    }
-    let id = match answer.await {
-        Ok(Ok(id)) => id,
-        Ok(Err(refusal)) => return close(socket, &refusal).await,
-        Err(_) => return,
-    };
-    let said = |text| Request::ViewerSaid(id, text);
-    let refusal = carry(&mut socket, said, &mut outbound, &requests).await;
-    end(socket, refusal, || Request::ViewerClosed(id), &requests).await;
-}
-
-/// Carries frames to a page and its words to the loop until one of both ends.
-async fn connect(mut socket: WebSocket, requests: RequestSender) {
-    let (frames, mut outbound) = mpsc::channel(FRAMES_WAITING);
-    let (reply, answer) = oneshot::channel();
-    if !requests.send(Request::Open { frames, reply }) {
-        return close(socket, &GateRefusal::Flood).await;
-    }
-    let id = match answer.await {
-        Ok(Ok(id)) => id,
-        Ok(Err(refusal)) => return close(socket, &refusal).await,
-        Err(_) => return,
-    };
-    let said = |text| Request::PageSaid(id, text);
-    let refusal = carry(&mut socket, said, &mut outbound, &requests).await;
-    end(socket, refusal, || Request::Closed(id), &requests).await;
-}
-
-/// Says that a connection is gone, and closes it.
-async fn end(
-    socket: WebSocket,
-    refusal: Option<GateRefusal>,
-    gone: impl Fn() -> Request,
-    requests: &RequestSender,
-) {
-    // The loop has room again soon, and counts the connection as open until then.
-    while !requests.send(gone()) {
-        tokio::time::sleep(AGAIN).await;
-    }
-    if let Some(refusal) = refusal {
-        close(socket, &refusal).await;
-    }
-}
-
-/// Returns why the connection must end, if it is not the other side that has ended it, or is gone.
-async fn carry(
-    socket: &mut WebSocket,
-    said_by_it: impl Fn(String) -> Request,
-    outbound: &mut mpsc::Receiver<Outbound>,
-    requests: &RequestSender,
-) -> Option<GateRefusal> {
-    let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
-    pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut heard_at = Instant::now();
-    loop {
-        tokio::select! {
-            // What has come is read before the other side is judged.
-            biased;
-            said = socket.recv() => {
-                heard_at = Instant::now();
-                match said?.ok()? {
-                    Message::Text(text) => {
-                        if !requests.send(said_by_it(text.to_string())) {
-                            return Some(GateRefusal::Flood);
-                        }
-                    }
-                    Message::Ping(_) | Message::Pong(_) => {}
-                    Message::Binary(_) => return Some(GateRefusal::Unreadable("text is expected".to_owned())),
-                    Message::Close(_) => return None,
-                }
-            }
-            out = outbound.recv() => match out? {
-                Outbound::Frame(frame) => send(socket, Message::Binary(frame.into())).await?,
-                Outbound::Text(text) => send(socket, Message::Text(text.into())).await?,
-                Outbound::Close(refusal) => return Some(refusal),
-            },
-            _ = pings.tick() => {
-                if heard_at.elapsed() >= DEAD_AFTER {
-                    return None;
-                }
-                send(socket, Message::Ping(Bytes::new())).await?;
-            }
-        }
-    }
-}
-
-/// Sends; returns `None` when the connection is gone.
-async fn send(socket: &mut WebSocket, message: Message) -> Option<()> {
-    let sent = timeout(TAKES_WITHIN, socket.send(message)).await;
-    sent.ok()?.ok()
-}
-
-/// Ends a connection, and says why.
-async fn close(mut socket: WebSocket, refusal: &GateRefusal) {
-    let mut reason = refusal.to_string();
-    if reason.len() > REASON_BYTES {
-        let starts = reason.char_indices().map(|(at, _)| at);
-        let fits = starts.take_while(|at| *at <= REASON_BYTES).last();
-        reason.truncate(fits.unwrap_or(0));
-    }
-    let code = match refusal.is_passing() {
-        true => CLOSED_FOR_NOW,
-        false => CLOSED_FOR_GOOD,
-    };
-    let frame = CloseFrame {
-        code,
-        reason: reason.into(),
-    };
-    let _ = send(&mut socket, Message::Close(Some(frame))).await;
 }

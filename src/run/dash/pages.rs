@@ -16,13 +16,11 @@ use super::answers::{Reply, SlowAnswers, send};
 use super::http::{HttpServer, LookWord, Outbound, PostWord, Request, RequestSender, Wake};
 use super::viewers::Viewers;
 use super::{DashError, PageAddress, PageCertificate};
-use crate::dash::gate::{OwnNames, PageId, named};
+use crate::dash::gate::{OwnNames, PageId, REQUESTS_WAITING, named};
 use crate::dash::page_server::{PageEffect, PageServer};
 use crate::dash::run_files::{RunFiles, exported};
 use crate::time::Time;
 
-/// Requests that wait for the loop; who comes when there are more is refused.
-const REQUESTS_WAITING: usize = 256;
 /// A host looks this often whether it shall end.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);
 

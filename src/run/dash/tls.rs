@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::serve::Listener;
+use axum::extract::connect_info::Connected;
+use axum::serve::{IncomingStream, Listener};
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::mpsc;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::crypto::ring;
@@ -18,13 +19,13 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::server::TlsStream;
 
 use super::DashError;
-use super::connections::{Connection, ConnectionLimit};
+use super::connections::{Connection, ConnectionLimit, ConnectionPlace};
 use crate::run::trust::{Certificate, read_limited};
 
 /// A handshake must be done within this time.
 const HANDSHAKE_WITHIN: Duration = Duration::from_secs(5);
-/// Handshakes beside each other at most; who comes when there are more waits.
-const HANDSHAKES_MAX: usize = 32;
+/// Connections whose handshakes are done wait for the server, so many at most.
+const SHAKEN_MAX: usize = 32;
 
 /// The files by which a browser knows the server.
 #[derive(Clone, Debug)]
@@ -98,7 +99,7 @@ impl TlsListener {
         config: Arc<ServerConfig>,
     ) -> io::Result<TlsListener> {
         let address = listener.local_addr()?;
-        let (done, ready) = mpsc::channel(HANDSHAKES_MAX);
+        let (done, ready) = mpsc::channel(SHAKEN_MAX);
         tokio::spawn(accept(listener, TlsAcceptor::from(config), done));
         Ok(TlsListener { ready, address })
     }
@@ -121,25 +122,30 @@ impl Listener for TlsListener {
     }
 }
 
+impl Connected<IncomingStream<'_, TlsListener>> for ConnectionPlace {
+    fn connect_info(stream: IncomingStream<'_, TlsListener>) -> ConnectionPlace {
+        let (connection, _) = stream.io().get_ref();
+        connection.place().clone()
+    }
+}
+
+/// Accepts, and lets each connection shake hands by itself; there are no more of them than have a place.
 async fn accept(
     listener: TcpListener,
     acceptor: TlsAcceptor,
     done: mpsc::Sender<(TlsStream<Connection>, SocketAddr)>,
 ) {
-    let (room, limit) = (
-        Arc::new(Semaphore::new(HANDSHAKES_MAX)),
-        ConnectionLimit::default(),
-    );
-    while let Ok(permit) = room.clone().acquire_owned().await {
+    let limit = ConnectionLimit::default();
+    loop {
         let (stream, from) = limit.accept(&listener).await;
         let (acceptor, done) = (acceptor.clone(), done.clone());
         tokio::spawn(async move {
             let shaken = tokio::time::timeout(HANDSHAKE_WITHIN, acceptor.accept(stream)).await;
             if let Ok(Ok(stream)) = shaken {
+                stream.get_ref().0.place().is_shaken();
                 // A server that ends takes nobody any more.
                 let _ = done.send((stream, from)).await;
             }
-            drop(permit);
         });
     }
 }

@@ -80,6 +80,7 @@ pub fn outcome(
         change: stored.change,
         structure: stored.structure,
         not_made: Vec::new(),
+        silences: Vec::new(),
         map: stored.map,
         tracks,
         missions,

@@ -157,7 +157,18 @@ impl WorldThread {
         self.connections
             .values()
             .for_each(|(_, outgoing)| outgoing.close());
-        self.world.status()
+        self.status()
+    }
+
+    /// Returns how it is going; beacons of real frames count as well.
+    fn status(&mut self) -> WorldStatus {
+        #[cfg_attr(not(feature = "hw"), allow(unused_mut, reason = "no radios add to it"))]
+        let mut status = self.world.status();
+        #[cfg(feature = "hw")]
+        if let Some(radios) = &self.radios {
+            radios.count(&mut status);
+        }
+        status
     }
 
     fn now(&self) -> Time {
@@ -262,13 +273,13 @@ impl WorldThread {
         let answer = match word {
             ToWorld::Enter => {
                 self.world.enter();
-                FromWorld::Status(self.world.status())
+                FromWorld::Status(self.status())
             }
-            ToWorld::Report => FromWorld::Status(self.world.status()),
+            ToWorld::Report => FromWorld::Status(self.status()),
             ToWorld::Track { vehicle, from } => FromWorld::Places(self.world.places(vehicle, from)),
             ToWorld::Stop => {
                 self.is_ended = true;
-                FromWorld::Status(self.world.status())
+                FromWorld::Status(self.status())
             }
             ToWorld::Join { .. }
             | ToWorld::Control { .. }

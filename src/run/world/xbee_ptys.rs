@@ -21,6 +21,7 @@ use tomoswarm_proto::VehicleId;
 
 use crate::config::{Venue, XBEE_BAUDS};
 use crate::hw::xbee_registers::{AP, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
+use crate::run::link::WorldStatus;
 use crate::sim::environment::Environment;
 use crate::sim::noise::Noise;
 use crate::sim::xbee_air::XbeeAir;
@@ -116,6 +117,12 @@ impl XbeePtys {
     /// Returns when something happens by itself next.
     pub(super) fn deadline(&self) -> Time {
         self.air.deadline().unwrap_or(Time::NEVER)
+    }
+
+    /// Adds what the modules have carried to how it is going.
+    pub(super) fn count(&self, status: &mut WorldStatus) {
+        status.beacons_heard += self.air.heard();
+        status.collided_beacons += self.air.collided();
     }
 
     /// Lets everything happen that is due by now.

@@ -49,6 +49,7 @@ impl ProgressMeter {
             }
             GroundNote::RunClosed { .. }
             | GroundNote::NoPlan(_)
+            | GroundNote::MadeWay { .. }
             | GroundNote::Stalled(_)
             | GroundNote::Replans(_)
             | GroundNote::Waits(_)

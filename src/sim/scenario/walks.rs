@@ -72,7 +72,7 @@ impl Scenario {
                 file: file.clone(),
                 shapes: self.shapes.clone(),
                 persons,
-                antenna_height_m: self.sim.vehicles.body.antenna_height_m,
+                antenna_height_m: self.antenna_m(),
                 wavelength_m: radio.wavelength_m(),
                 object_limit_db: radio.object_limit_db,
             })

@@ -269,6 +269,23 @@ impl GroundStore {
         })
     }
 
+    /// Returns the runs in which somebody was marked, ascending; nothing else need be known of them.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn marked_runs(&self) -> Result<Vec<RunId>, StoreError> {
+        self.read(|store| {
+            // Who only reads does not bring the tables up to date.
+            if schema::version(&store.connection)? < 3 {
+                return Ok(Vec::new());
+            }
+            let query = "SELECT DISTINCT run FROM marks ORDER BY run";
+            let mut statement = store.connection.prepare(query)?;
+            let rows = statement.query_map([], |row| Ok(RunId(row.get(0)?)))?;
+            rows.collect()
+        })
+    }
+
     /// Returns where somebody truly stood in a run, in the order in which that was marked.
     ///
     /// # Errors

@@ -325,7 +325,11 @@ impl Writer {
         let samples = chunk
             .map(|(place, sample)| (place.boot, place.run, sample))
             .collect();
-        (self.tell)(Event::Recalled(Recalled { samples, is_end }));
+        (self.tell)(Event::Recalled(Recalled {
+            after,
+            samples,
+            is_end,
+        }));
     }
 }
 

@@ -73,6 +73,7 @@ impl Ground {
             lease: Lease::default(),
             is_held: self.is_held,
             stores_samples: self.stores_samples,
+            is_deaf: false,
         };
         let mut out = Vec::new();
         step(&mut self.execution, &at, &mut out);

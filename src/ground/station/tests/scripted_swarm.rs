@@ -323,12 +323,14 @@ impl Swarm {
                         stage,
                         ..
                     } = job;
-                    self.answers.push(In::Pictured(PictureName {
+                    let name = PictureName {
                         run,
                         laps,
                         subject,
                         stage,
-                    }));
+                    };
+                    let is_made = true;
+                    self.answers.push(In::Pictured { name, is_made });
                     self.jobs.push(job);
                 }
                 Out::StationEvent(note) => self.notes.push(note),

@@ -80,6 +80,8 @@ impl StepRunner {
 
     /// Looks from near at a cell that may bar the way.
     pub(super) fn look_closely(&mut self, scene: &mut RunnerContext<'_>, cell: Cell) {
+        // Each is looked at so often at most: this cannot go on for ever.
+        self.progress.get_on(scene.now);
         let (at, middle) = (scene.pose().at, self.settings.lattice.centre(cell));
         scene.emit(MissionEvent::LooksClosely(middle));
         let look = LookAround::closely(at.angle_to(middle), scene.now);

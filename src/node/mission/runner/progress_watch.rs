@@ -79,7 +79,7 @@ impl ProgressWatch {
         self.times = Some((since, now));
     }
 
-    /// Records that the mission has got on: it has come to a place, or gives one up.
+    /// Records that the mission has got on: it has come to a place, gives one up, or looks at something from near.
     pub(super) fn get_on(&mut self, now: Time) {
         (self.times, self.fresh) = (Some((now, now)), 0);
     }

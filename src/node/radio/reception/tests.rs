@@ -1,7 +1,7 @@
 //! What is news, and which samples follow of beacons that come in order, twice, late or not at all.
 
 use proptest::prelude::*;
-use tomoswarm_proto::{Deviation, Position, Progress};
+use tomoswarm_proto::{Deviation, Heading, Position, Progress};
 
 use super::*;
 use crate::geom::{Angle, Point};
@@ -37,7 +37,7 @@ fn hear_at(reception: &mut Reception, now_s: f64, beacon: Beacon, y_m: f64) -> V
     );
     let is_news = reception.is_news(now, &heard.beacon);
     if is_news {
-        reception.take(now, &heard, Some(own), Some(RUN))
+        reception.take(now, &heard, Some(own.into()), Some(RUN))
     } else {
         Vec::new()
     }
@@ -109,6 +109,47 @@ fn of_a_miss_both_ends_are_where_they_were_then() {
 }
 
 #[test]
+fn of_misses_on_a_way_that_may_have_had_a_corner_only_those_near_its_ends_are_placed() {
+    let mut reception = reception();
+    let made: Vec<f64> = [(0.0, 1, 0.0), (8.0, 9, 8.0)]
+        .into_iter()
+        .flat_map(|(now_s, sequence, y_m)| {
+            hear_at(&mut reception, now_s, beacon(2, sequence, 5.0, vec![]), y_m)
+        })
+        .map(|sample| sample.receiver_pose.at.y_m())
+        .collect();
+    assert_eq!(made, [0.0, 1.0, 7.0, 8.0], "it faces along x");
+    let ends = [0.0, 8.0].map(|x_m| PoseReport {
+        at: Position::from_metres(x_m, 0.0, x_m),
+        heading: Heading::from_radians(0.17),
+        ..PoseReport::default()
+    });
+    let halfway = between(ends[0], ends[1], 0.5).expect("it drove on");
+    assert_eq!(halfway.at, Position::from_metres(4.0, 0.0, 4.0));
+    let turned = PoseReport {
+        heading: Heading::from_radians(1.57),
+        ..ends[1]
+    };
+    assert_eq!(between(ends[0], turned, 0.5), None);
+}
+
+#[test]
+fn what_was_missed_before_it_was_measured_is_no_sample() {
+    let mut reception = reception();
+    let before = HeardBeacon {
+        beacon: beacon(2, 1, 5.0, vec![]),
+        rssi_dbm: -61,
+    };
+    reception.take(at(0.0), &before, Some(PoseReport::default()), None);
+    let made = hear(&mut reception, 1.0, beacon(2, 9, 5.0, vec![]));
+    assert_eq!(made.len(), 1);
+    assert_eq!(
+        hear(&mut reception, 1.2, beacon(2, 11, 5.0, vec![])).len(),
+        2
+    );
+}
+
+#[test]
 fn nothing_is_measured_of_another_run_or_of_a_place_that_is_unknown_or_uncertain() {
     let good = || beacon(2, 1, 0.0, vec![]);
     let uncertain = PoseReport {
@@ -151,7 +192,7 @@ fn nothing_is_measured_of_another_run_or_of_a_place_that_is_unknown_or_uncertain
     };
     assert_eq!(reception().take(at(0.0), &heard, None, Some(RUN)), []);
     assert_eq!(
-        reception().take(at(0.0), &heard, Some(Pose::default()), None),
+        reception().take(at(0.0), &heard, Some(PoseReport::default()), None),
         []
     );
 }

@@ -10,7 +10,7 @@ use super::super::super::order_goal::MissionRequest;
 use super::super::super::outcome::OrderRefusal;
 use super::super::super::script::{GONE_AFTER, LiveVehicles};
 use super::*;
-use crate::config::SweepConfig;
+use crate::config::GivenSweep;
 
 const RUN: RunId = RunId(3);
 
@@ -384,7 +384,7 @@ fn who_is_not_home_in_time_is_named_with_the_limit_and_what_it_began_with() {
 #[test]
 fn a_task_for_which_too_few_are_heard_for_very_long_is_not_waited_for() {
     let members = vec![VehicleId(1), VehicleId(2)];
-    let sweep = task_kind(None, &SweepConfig::default());
+    let sweep = task_kind(None, &GivenSweep::default());
     let check = |kind: TaskKind, until: Condition, rovers: usize, expected: Option<&str>| {
         let within = GONE_AFTER * 2;
         let request = TaskRequest {

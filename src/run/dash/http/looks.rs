@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use axum::body::{Body, Bytes, to_bytes};
+use axum::body::Body;
 use axum::extract::{Request as HttpRequest, State};
+use axum::http::Uri;
 use axum::http::header::{self, HeaderMap};
-use axum::http::{StatusCode, Uri};
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use tomoswarm_proto::{RunId, Sender, VehicleId};
 
 use super::{
-    CellQuestion, GateRefusal, JSON_TYPE, LookWord, MissionFormat, PageId, Request, Shared, ask,
-    only, refused,
+    CellQuestion, GateRefusal, INBOUND_MAX, JSON_TYPE, LookWord, MissionFormat, PageId, Request,
+    Shared, ask, body_of, only, refused,
 };
 use crate::geom::Point;
 
@@ -165,29 +165,34 @@ pub(super) async fn places(State(shared): State<Arc<Shared>>, request: HttpReque
     }
 }
 
-/// Reads a mission; it may be longer than other messages, so that the head of the request is judged before.
+/// Reads a mission; it may be longer than other messages.
 async fn mission_of(shared: &Shared, headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Response> {
+    posted_by_page(shared, headers, body, (FILE_BYTES_MAX, "a mission")).await
+}
+
+/// Reads what a page asks in a body, after the head of the request was judged.
+async fn posted_by_page(
+    shared: &Shared,
+    headers: &HeaderMap,
+    body: Body,
+    (bytes_max, what): (usize, &str),
+) -> Result<Vec<u8>, Response> {
     let judged = shared.names.judge_origin(only(headers, header::ORIGIN));
     let authorization = only(headers, header::AUTHORIZATION);
     judged
         .and_then(|()| shared.gate.judge_looking(authorization))
         .map_err(|refusal| refused(&refusal))?;
-    let mission = to_bytes(body, FILE_BYTES_MAX).await.map_err(|_| {
-        let text = format!("a mission of at most {FILE_BYTES_MAX} bytes is expected");
-        (StatusCode::PAYLOAD_TOO_LARGE, text).into_response()
-    })?;
-    Ok(mission.to_vec())
+    body_of(body, bytes_max, what).await
 }
 
-pub(super) async fn why(
-    State(shared): State<Arc<Shared>>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Response {
-    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
-        return refused(&refusal);
-    }
-    let question = body.to_vec();
+pub(super) async fn why(State(shared): State<Arc<Shared>>, request: HttpRequest) -> Response {
+    let (parts, body) = request.into_parts();
+    let headers = parts.headers;
+    let question = match posted_by_page(&shared, &headers, body, (INBOUND_MAX, "a question")).await
+    {
+        Ok(question) => question,
+        Err(refusal) => return refusal,
+    };
     let why = |authorization, reply| Request::Why {
         authorization,
         question,

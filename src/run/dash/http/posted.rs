@@ -3,13 +3,11 @@
 
 use std::sync::Arc;
 
-use axum::body::to_bytes;
 use axum::extract::{Request as HttpRequest, State};
-use axum::http::StatusCode;
 use axum::http::header;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 
-use super::{JSON_TYPE, PostWord, Request, Shared, ask, only, refused};
+use super::{JSON_TYPE, PostWord, Request, Shared, ask, body_of, only, refused};
 use crate::dash::gate::INBOUND_MAX;
 
 /// An order has at most so many bytes: a mission of 256 kB, of which JSON may write each letter with two.
@@ -38,14 +36,18 @@ async fn bring_about(
     if let Err(refusal) = judged.and_then(|()| shared.gate.judge_authorization(authorization)) {
         return refused(&refusal);
     }
-    let Ok(body) = to_bytes(body, bytes_max).await else {
-        let text = format!("at most {bytes_max} bytes are expected");
-        return (StatusCode::PAYLOAD_TOO_LARGE, text).into_response();
+    let name = match what {
+        PostWord::Order => "an order",
+        PostWord::Mark => "a mark",
+    };
+    let body = match body_of(body, bytes_max, name).await {
+        Ok(body) => body,
+        Err(refusal) => return refusal,
     };
     let post = |authorization, reply| Request::Post {
         what,
         authorization,
-        body: body.to_vec(),
+        body,
         reply,
     };
     ask(shared, &headers, JSON_TYPE, post).await

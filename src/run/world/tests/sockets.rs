@@ -314,6 +314,18 @@ fn only_this_machine_may_connect() {
     }
 }
 
+#[test]
+fn an_address_in_use_is_named_and_is_no_fault_of_a_thread() {
+    let world = begin("127.0.0.1:0");
+    let address = world.address();
+    let refused = WorldServer::start(&scenario(), address, TOKEN, None, None).err();
+    assert!(
+        matches!(&refused, Some(error @ WorldError::Listen { .. })
+            if error.to_string().starts_with(&format!("{address} cannot be listened on: "))),
+        "{refused:?}"
+    );
+}
+
 fn link(address: SocketAddr, token: &str) -> (WorldLink, Receiver<Event>) {
     let (tell, events) = channel();
     let settings = WorldLinkSettings {

@@ -10,6 +10,7 @@ use crate::ground::{self, GroundNode, MeasuredSample};
 use crate::sim::ground_disk::GroundDisk;
 use crate::sim::noise::{Noise, NoisePurpose};
 use crate::sim::operator_script::RUN;
+use crate::sim::silence::HeardSeconds;
 use crate::time::Time;
 
 /// The ground station in the simulation.
@@ -43,6 +44,11 @@ impl SimulatedGround {
     /// Returns its node, to be watched.
     pub(crate) fn node_mut(&mut self) -> &mut GroundNode {
         &mut self.node
+    }
+
+    /// Returns when it has learnt that beacons were heard.
+    pub(crate) fn heard(&self) -> &HeardSeconds {
+        self.disk.heard()
     }
 
     /// Returns the samples on its disk, each once, in order.

@@ -6,6 +6,7 @@ use tomoswarm_proto::{
 };
 
 use super::*;
+use crate::ground::imager::Subject;
 
 fn lease(number: u32, holder: u64) -> Lease {
     Lease { number, holder }
@@ -23,12 +24,12 @@ fn task(run: RunId, compare_with: Option<RunId>, kind: TaskKind) -> In {
 }
 
 fn one_lap() -> TaskKind {
-    TaskKind::Sweep {
-        planner: SweepPlanner::RotatingGap,
-        positions: 16,
+    TaskKind::ConfiguredSweep {
+        planner: Some(SweepPlanner::RotatingGap),
+        positions: Some(16),
         laps: Some(1),
-        dwell_ms: 0,
-        dwell_limit_ms: 0,
+        dwell_ms: None,
+        dwell_limit_ms: None,
     }
 }
 
@@ -224,6 +225,30 @@ fn without_a_task_a_run_is_left_to_vehicles_that_all_say_to_have_missions_of_the
 }
 
 #[test]
+fn images_are_counted_in_their_run_when_they_are_made_also_while_it_lasts() {
+    let mut swarm = Swarm::sweeping(3);
+    swarm.seconds(3);
+    for (of_run, stage, is_made) in [
+        (RUN, ImageStage::Ongoing, true),
+        (RUN, ImageStage::Ongoing, true),
+        (RUN, ImageStage::Ongoing, false),
+        (RUN, ImageStage::Lap, true),
+        (RUN, ImageStage::Lap, false),
+        (RunId(77), ImageStage::Last, true),
+    ] {
+        let name = PictureName {
+            run: of_run,
+            laps: 0,
+            subject: Subject::Structure,
+            stage,
+        };
+        swarm.tell(In::Pictured { name, is_made }, usize::MAX);
+    }
+    swarm.seconds(1);
+    assert_eq!((swarm.report().images, run(&swarm, RUN).images), (3, 3));
+}
+
+#[test]
 fn a_run_is_done_when_its_last_images_are_made_and_not_before() {
     let mut swarm = Swarm::sweeping(3);
     swarm.seconds(3);
@@ -253,7 +278,7 @@ fn a_run_is_done_when_its_last_images_are_made_and_not_before() {
 fn a_run_that_cannot_be_planned_has_failed_and_its_reason_is_a_trouble() {
     let mut swarm = Swarm::new(3, settings(3));
     swarm.seconds(3);
-    let TaskKind::Sweep {
+    let TaskKind::ConfiguredSweep {
         planner,
         laps,
         dwell_ms,
@@ -263,9 +288,9 @@ fn a_run_that_cannot_be_planned_has_failed_and_its_reason_is_a_trouble() {
     else {
         unreachable!()
     };
-    let impossible = TaskKind::Sweep {
+    let impossible = TaskKind::ConfiguredSweep {
         planner,
-        positions: 9,
+        positions: Some(9),
         laps,
         dwell_ms,
         dwell_limit_ms,
@@ -286,6 +311,54 @@ fn a_run_that_cannot_be_planned_has_failed_and_its_reason_is_a_trouble() {
             .any(|words| words.starts_with("run 2 has failed: ")),
         "{troubles:?}"
     );
+}
+
+#[test]
+fn what_a_task_leaves_out_of_a_sweep_is_as_the_file_of_the_ground_station_has_it() {
+    let as_the_file_has_it = TaskKind::ConfiguredSweep {
+        planner: None,
+        positions: None,
+        laps: None,
+        dwell_ms: None,
+        dwell_limit_ms: None,
+    };
+    let mut planned = Vec::new();
+    for task_of_run in [None, Some(as_the_file_has_it)] {
+        let mut swarm = Swarm::new(3, settings(3));
+        swarm.seconds(3);
+        if let Some(kind) = task_of_run {
+            swarm.tell(task(RUN, None, kind), usize::MAX);
+        }
+        order(&mut swarm, RUN, OrderKind::Start);
+        assert!(swarm.until(60, |note| matches!(note, StationEvent::Planned { .. })));
+        let of_plan = |note: &StationEvent| matches!(note, StationEvent::Planned { .. });
+        planned.extend(swarm.notes.iter().find(|note| of_plan(note)).cloned());
+    }
+    assert_eq!(planned.len(), 2);
+    assert_eq!(planned[0], planned[1]);
+}
+
+#[test]
+fn a_sweep_makes_way_for_a_run_that_an_operator_begins_in_its_place() {
+    for kind in [one_lap(), TaskKind::Explore] {
+        let mut swarm = Swarm::sweeping(3);
+        swarm.seconds(15);
+        let (sweep, next) = (swarm.report().run, RunId(swarm.report().run.0 + 1));
+        swarm.tell(task(next, None, kind.clone()), usize::MAX);
+        order(&mut swarm, next, OrderKind::Start);
+        swarm.seconds(5);
+        assert_eq!(run(&swarm, sweep).end, Some(RunEnd::Stopped));
+        let notes = &swarm.notes;
+        let made_way = |note: &StationEvent| matches!(note, StationEvent::MadeWay { .. });
+        assert!(notes.iter().any(made_way), "{notes:?}");
+        assert_eq!(run(&swarm, next).end, None);
+        if kind == TaskKind::Explore {
+            assert_eq!(swarm.report().phase, StationPhase::Idle);
+        } else {
+            assert!(swarm.is_closed(400), "{:?}", swarm.notes);
+            assert_eq!(swarm.begun.last(), Some(&(next, None)));
+        }
+    }
 }
 
 #[test]

@@ -564,3 +564,22 @@ fn whatever_goes_wrong_afterwards_the_sweep_ends_and_no_sample_is_lost_or_double
         assert!(swarm.report().laps_done >= 2, "seed {seed}");
     }
 }
+
+#[test]
+fn who_hears_nobody_gives_no_sweep_up_for_that() {
+    let mut swarm = Swarm::sweeping(2);
+    swarm.seconds(15);
+    swarm
+        .rovers
+        .iter_mut()
+        .for_each(|rover| rover.is_cut = true);
+    swarm.seconds(900);
+    swarm
+        .rovers
+        .iter_mut()
+        .for_each(|rover| rover.is_cut = false);
+    assert!(swarm.is_closed(600), "{:?}", swarm.notes);
+    let stalled =
+        |note: &StationEvent| matches!(note, StationEvent::Stalled(_) | StationEvent::Replans(_));
+    assert!(!swarm.notes.iter().any(stalled), "{:?}", swarm.notes);
+}

@@ -1,0 +1,96 @@
+//! Persons who stand where nobody can be found: outside the fence, inside something solid, or inside each other. They are warned
+//! of, not refused: who builds a scene may mean it. It prints nothing.
+
+use crate::geom::Polygon;
+use crate::scene::{Outline, Person};
+use crate::sim::{Scenario, ScenarioError};
+
+/// Returns a line for each person of a scenario who stands where nobody can be found.
+///
+/// # Errors
+/// The scene cannot be built.
+pub(super) fn warnings(scenario: &Scenario) -> Result<Vec<String>, ScenarioError> {
+    let (outlines, venue) = (scenario.outlines()?, &scenario.sim().venue);
+    Ok(lines(scenario.persons(), &venue.fence, &outlines))
+}
+
+fn lines(persons: &[Person], fence: &Polygon, outlines: &[Outline]) -> Vec<String> {
+    let all = persons.iter().enumerate();
+    all.filter_map(|(index, person)| {
+        let where_to = where_in_words(person, &persons[..index], fence, outlines)?;
+        let (name, at) = (&person.name, person.at);
+        Some(format!(
+            "person {name} at ({:.2}, {:.2}) m stands {where_to}, where nobody is found; it will count as missed",
+            at.x_m, at.y_m
+        ))
+    })
+    .collect()
+}
+
+/// Returns where a person stands whom nobody can find; `others` were placed before it.
+fn where_in_words(
+    person: &Person,
+    others: &[Person],
+    fence: &Polygon,
+    outlines: &[Outline],
+) -> Option<String> {
+    if !fence.contains(person.at) {
+        return Some("outside the fence".to_owned());
+    }
+    if let Some(solid) = outlines.iter().find(|outline| outline.contains(person.at)) {
+        return Some(format!("inside {}", solid.name));
+    }
+    let reach_m = |other: &Person| person.radius_m + other.radius_m;
+    let inside = others
+        .iter()
+        .find(|other| other.at.distance_to(person.at) < reach_m(other));
+    inside.map(|other| format!("inside person {}", other.name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Point, Rect};
+
+    fn square(low_m: f64, high_m: f64) -> Polygon {
+        Rect::new(Point::new(low_m, low_m), Point::new(high_m, high_m)).polygon()
+    }
+
+    #[test]
+    fn who_stands_where_nobody_is_found_is_named_with_the_place() {
+        let check = |places: &[(f64, f64)], expected: &[&str]| {
+            let names = ["ann", "bob"].iter().zip(places);
+            let persons: Vec<Person> = names
+                .map(|(name, (x_m, y_m))| Person {
+                    name: (*name).to_owned(),
+                    at: Point::new(*x_m, *y_m),
+                    radius_m: 0.3,
+                    height_m: 1.8,
+                    db_per_m: 10.0,
+                })
+                .collect();
+            let block = Outline {
+                object: 0,
+                name: "block".to_owned(),
+                polygon: square(4.0, 5.0),
+                holes: Vec::new(),
+                db_per_m: 20.0,
+            };
+            assert_eq!(lines(&persons, &square(0.0, 10.0), &[block]), expected);
+        };
+        check(&[(2.0, 2.0), (2.7, 2.0)], &[]);
+        check(
+            &[(12.0, 2.0), (4.5, 4.2)],
+            &[
+                "person ann at (12.00, 2.00) m stands outside the fence, where nobody is found; it will count as missed",
+                "person bob at (4.50, 4.20) m stands inside block, where nobody is found; it will count as missed",
+            ],
+        );
+        check(
+            &[(2.0, 2.0), (2.5, 2.0)],
+            &[
+                "person bob at (2.50, 2.00) m stands inside person ann, where nobody is found; it will count as missed",
+            ],
+        );
+    }
+}
