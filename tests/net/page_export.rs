@@ -119,7 +119,7 @@ fn a_page_saves_of_a_store_what_the_command_writes_and_nothing_else_of_the_machi
     }
     let (_, body) = get(&dash, look, "/export?run=9");
     let said = String::from_utf8_lossy(&body).into_owned();
-    assert!(said.contains("holds no run 9; it holds runs 1"), "{said}");
+    assert!(said.contains("holds no run 9; it holds run 1"), "{said}");
     let Some(mut browser) = Browser::open(1280, 800) else {
         return;
     };
@@ -145,7 +145,8 @@ fn saved_by_a_browser(browser: &mut Browser, names: &[String]) {
     browser.eval(press);
     browser.until("globalThis.saved.length === 1", 20);
     let text = browser.eval("globalThis.saved[0].text()");
-    let header = text.as_str().unwrap().lines().nth(1);
+    let mut lines = text.as_str().unwrap().lines();
+    let header = lines.find(|line| !line.starts_with('#'));
     assert!(
         header.is_some_and(|header| header.starts_with("tx_x_m,tx_y_m,rx_x_m,")),
         "{text}"
