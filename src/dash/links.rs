@@ -76,7 +76,8 @@ impl LinkBook {
 /// Takes a sequence; returns whether it is new. Where too many have come above a gap, what is missing stays away: whoever shows
 /// this confirms nothing, and began perhaps in the middle.
 fn is_taken(received: &mut ReceivedSequences, sequence: u64) -> bool {
-    if !received.is_new(sequence) {
+    // The last number of all is never taken, and passes over no gap.
+    if sequence == u64::MAX || !received.is_new(sequence) {
         return false;
     }
     received.take(sequence) || {
@@ -132,5 +133,8 @@ mod tests {
             assert!(!is_taken(&mut received, old), "{old}");
         }
         assert_eq!(received.below(), 2 + 3 * most);
+        assert!(is_taken(&mut received, 4 + 3 * most));
+        assert!(!is_taken(&mut received, u64::MAX));
+        assert!(is_taken(&mut received, 2 + 3 * most), "its gap is open");
     }
 }
