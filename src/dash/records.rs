@@ -29,7 +29,7 @@ pub(super) const MODES: [VehicleMode; 10] = [
 ];
 
 /// Why a vehicle stands; a record names one by its place here, 0 = it does not.
-pub(super) const STANDS_UNDER: [&str; 8] = [
+pub(super) const STANDS_UNDER: [&str; 9] = [
     "",
     "stop",
     "held",
@@ -38,6 +38,7 @@ pub(super) const STANDS_UNDER: [&str; 8] = [
     "battery",
     "no place",
     "alone",
+    "range sensors silent",
 ];
 
 /// Returns where a vehicle is; `None` when it has said nothing of that.
@@ -94,6 +95,7 @@ fn stands_under(why: Option<StandReason>) -> i64 {
         Some(StandReason::Battery) => 5,
         Some(StandReason::NoPlace) => 6,
         Some(StandReason::Alone) => 7,
+        Some(StandReason::Blind) => 8,
     }
 }
 

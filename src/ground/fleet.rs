@@ -87,10 +87,10 @@ impl Fleet {
         self.members.len()
     }
 
-    /// Returns the vehicles that are not lost, ascending.
+    /// Returns the vehicles that are neither lost nor out, ascending.
     pub(crate) fn present(&self) -> Vec<VehicleId> {
         self.members()
-            .filter(|(_, member)| !member.dealings().is_lost())
+            .filter(|(_, member)| !member.is_away())
             .map(|(id, _)| id)
             .collect()
     }
@@ -99,6 +99,14 @@ impl Fleet {
     pub(crate) fn lost(&self) -> Vec<VehicleId> {
         self.members()
             .filter(|(_, member)| member.dealings().is_lost())
+            .map(|(id, _)| id)
+            .collect()
+    }
+
+    /// Returns the vehicles that are heard, and do not go on by themselves, ascending.
+    pub(crate) fn out(&self) -> Vec<VehicleId> {
+        self.members()
+            .filter(|(_, member)| member.is_out() && !member.dealings().is_lost())
             .map(|(id, _)| id)
             .collect()
     }
@@ -153,11 +161,11 @@ impl Fleet {
         self.members.get(&vehicle)?.seen_state()
     }
 
-    /// Returns whether it is known where every vehicle is that is not lost.
+    /// Returns whether it is known where every vehicle is that is neither lost nor out.
     pub(crate) fn are_placed(&self) -> bool {
         self.members
             .values()
-            .all(|member| member.dealings().is_lost() || member.place().is_some())
+            .all(|member| member.is_away() || member.place().is_some())
     }
 
     /// Returns the highest revision of a run that any vehicle shows, so that a new ground begins above it.
@@ -221,9 +229,14 @@ impl Fleet {
         }
     }
 
-    /// Starts every vehicle for which nothing stands: one that an operator stopped, only an operator starts.
+    /// Starts every vehicle for which nothing stands: one that an operator stopped, only an operator starts; and one that is out
+    /// comes home.
     pub(crate) fn start_all(&mut self, run: RunId) {
-        for (vehicle, member) in &mut self.members {
+        let in_service = self
+            .members
+            .iter_mut()
+            .filter(|(_, member)| !member.is_out());
+        for (vehicle, member) in in_service {
             member.dealings_mut().start(*vehicle, self.lease, run);
         }
     }

@@ -199,6 +199,9 @@ impl Mission {
         if self.is_without_plan() {
             return self.stay();
         }
+        if self.waits_to_see(now, out) {
+            return self.stay();
+        }
         self.plan.resume();
         self.enter_legs();
         self.drive(now, out);
@@ -396,8 +399,8 @@ impl Mission {
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
         self.leases.follow(order.lease);
         let (drove_home, is_start) = (self.goal.drives_home(), order.kind == OrderKind::Start);
-        let is_battery_low = self.autonomy.is_battery_low();
-        self.goal = self.goal.ordered(now, order.kind, is_battery_low);
+        let stays_home_for = self.stays_home_for();
+        self.goal = self.goal.ordered(now, order.kind, stays_home_for);
         if is_start {
             self.obeys_again();
         }

@@ -94,6 +94,8 @@ impl SweepTimes {
             | StationEvent::Waits(_)
             | StationEvent::Lost(_)
             | StationEvent::Found(_)
+            | StationEvent::DroppedOut(_)
+            | StationEvent::IsBack(_)
             | StationEvent::Restarted(_)
             | StationEvent::Leads(_)
             | StationEvent::StandsBy(_)

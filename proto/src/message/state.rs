@@ -42,8 +42,8 @@ impl VehicleMode {
     }
 }
 
-/// Why a vehicle stands and does not go on by itself. Of several reasons State names the first in this order; all open
-/// stops that a vehicle knows are in its Standing.
+/// Why a vehicle stands, or goes home, and does not go on by itself. Of several reasons State names the first in this order; all
+/// open stops that a vehicle knows are in its Standing.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum StandReason {
     /// An emergency stop is open.
@@ -61,6 +61,8 @@ pub enum StandReason {
     NoPlace,
     /// It hears nobody.
     Alone,
+    /// Its range sensors do not answer.
+    Blind,
 }
 
 /// Who steers a vehicle.
@@ -123,7 +125,7 @@ pub struct State {
     pub velocity: Velocity,
     /// What it is doing.
     pub mode: VehicleMode,
-    /// Why it does not go on by itself; `None` = it may.
+    /// Why it does not go on with its mission by itself; `None` = it may.
     pub stands_under: Option<StandReason>,
     /// Whether it has come to rest.
     pub is_at_rest: bool,

@@ -233,6 +233,7 @@ fn stand_reason() -> impl Strategy<Value = Option<StandReason>> {
         StandReason::Battery,
         StandReason::NoPlace,
         StandReason::Alone,
+        StandReason::Blind,
     ]);
     option::of(prop_oneof![
         any::<u32>().prop_map(|name| StandReason::Stop(EmergencyName(name))),

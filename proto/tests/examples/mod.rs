@@ -529,6 +529,10 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         battery: None,
         ..state()
     };
+    let blind = State {
+        stands_under: Some(StandReason::Blind),
+        ..state()
+    };
     let refused = MissionProgress {
         progress: Progress {
             done: None,
@@ -607,6 +611,7 @@ pub fn variants() -> Vec<(&'static str, Message)> {
             }),
         ),
         ("state-on-a-leg", Message::State(on_a_leg)),
+        ("state-blind", Message::State(blind)),
         ("state-stopped", Message::State(stopped)),
         ("mission-refused", Message::Mission(refused)),
         ("mission-gave-up", Message::Mission(gave_up)),

@@ -1,6 +1,8 @@
 //! One vehicle as the ground sees it: what it has said last, and when it was heard. Does not know the other ones, and decides
 //! nothing about orders (`fleet/dealings.rs`).
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, MissionProgress, Order, RunId, SeenState, StandReason, State};
 
@@ -24,7 +26,13 @@ pub(crate) struct FleetMember {
     /// The fastest that it was heard to drive, m/s.
     fastest_mps: f64,
     dealings: OrderLedger,
+    /// Since when it has said that it does not know its place.
+    placeless_since: Option<Time>,
+    is_out: bool,
 }
+
+/// Who has not known its place for this long is out.
+const PLACE_WITHIN: Duration = Duration::from_secs(60);
 
 /// What a message of a vehicle has shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -33,6 +41,8 @@ pub(crate) struct FleetChange {
     pub restarted: bool,
     /// It was lost, and is back.
     pub found: bool,
+    /// It does not go on by itself from now on, or may again.
+    pub drops_out: Option<bool>,
     /// It has made progress with its plan.
     pub made_progress: bool,
     /// It is over with another stop of its plan.
@@ -60,6 +70,23 @@ impl FleetMember {
         let knows = |state: &&State| state.stands_under != Some(StandReason::NoPlace);
         let pose = self.state().filter(knows)?.pose;
         pose.map(|pose| pose.at.into())
+    }
+
+    /// Returns whether it does not go on, whatever it is told: its battery is low, its range sensors do not answer, or it has not
+    /// known its place for long.
+    pub(crate) fn is_out(&self) -> bool {
+        self.is_out
+    }
+
+    /// Returns whether it said last that it rests, and is committed to no way.
+    pub(crate) fn rests(&self) -> bool {
+        self.state()
+            .is_some_and(|state| state.is_at_rest && state.leg.is_none())
+    }
+
+    /// Returns whether nothing is to be expected of it: it is lost, or does not go on by itself.
+    pub(crate) fn is_away(&self) -> bool {
+        self.dealings.is_lost() || self.is_out()
     }
 
     /// Returns the fastest that it was heard to drive, m/s.
@@ -131,13 +158,35 @@ impl FleetMember {
         }
         let speed_mps = Vector::from(state.velocity).length_m();
         self.fastest_mps = self.fastest_mps.max(speed_mps);
+        let was_out = self.is_out;
+        self.is_out = self.note_whether_out(now, &state);
         self.state = Some((now, state));
+        let is_free = self
+            .state()
+            .is_some_and(|state| state.stands_under.is_none());
+        // What an order holds may not go on either.
+        let is_news = |is_out: &bool| *is_out != was_out && (*is_out || is_free);
+        let drops_out = Some(self.is_out).filter(is_news);
         FleetChange {
             restarted,
             found,
+            drops_out,
             made_progress: false,
             left_stop: false,
             started,
+        }
+    }
+
+    /// Returns whether it is out by a new state.
+    fn note_whether_out(&mut self, now: Time, state: &State) -> bool {
+        self.placeless_since = match state.stands_under {
+            Some(StandReason::NoPlace) => self.placeless_since.or(Some(now)),
+            _ => None,
+        };
+        let is_lost = |since| now.since(since) > PLACE_WITHIN;
+        match state.stands_under {
+            Some(StandReason::Battery | StandReason::Blind) => true,
+            _ => self.placeless_since.is_some_and(is_lost),
         }
     }
 
@@ -260,6 +309,35 @@ mod tests {
             (Some(newest), Some(at(0)))
         );
         assert!(!member.is_unheard() && member.place().is_some());
+    }
+
+    #[test]
+    fn who_cannot_go_on_is_out_until_it_can_and_who_lost_its_place_only_after_a_minute() {
+        let mut member = FleetMember::default();
+        let mut shows = |now_s: u32, stands_under: Option<StandReason>| {
+            let state = State {
+                stands_under,
+                ..state(1, 1 + u64::from(now_s))
+            };
+            let drops_out = member.hear_state(at(now_s), state, LEASE).drops_out;
+            (drops_out, member.is_out(), member.is_away())
+        };
+        let (battery, no_place) = (Some(StandReason::Battery), Some(StandReason::NoPlace));
+        assert_eq!(shows(1, None), (None, false, false));
+        assert_eq!(shows(2, battery), (Some(true), true, true));
+        assert_eq!(shows(3, Some(StandReason::Blind)), (None, true, true));
+        assert_eq!(
+            shows(4, Some(StandReason::Held)),
+            (None, false, false),
+            "no news"
+        );
+        assert_eq!(shows(5, battery), (Some(true), true, true));
+        assert_eq!(shows(6, None), (Some(false), false, false));
+        assert_eq!(shows(10, no_place), (None, false, false));
+        assert_eq!(shows(70, no_place), (None, false, false));
+        assert_eq!(shows(71, no_place), (Some(true), true, true));
+        assert_eq!(shows(72, None), (Some(false), false, false));
+        assert_eq!(shows(73, no_place), (None, false, false), "a new minute");
     }
 
     #[test]

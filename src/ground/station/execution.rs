@@ -384,7 +384,19 @@ impl SweepExecution {
         } else {
             out.push(SweepOutput::StationEvent(StationEvent::Stalled(run)));
             out.push(SweepOutput::HoldAll(run));
-            let why = "it cannot be ended, no vehicle gets on";
+            let out_of_service: Vec<String> = at
+                .fleet
+                .out()
+                .iter()
+                .map(|id| format!("vehicle {id}"))
+                .collect();
+            let why = match &out_of_service[..] {
+                [] => "it cannot be ended, no vehicle gets on".to_owned(),
+                all => {
+                    let all = all.join(", ");
+                    format!("it cannot be ended, no vehicle gets on; out of service: {all}")
+                }
+            };
             self.give_up(RunEnd::Failed, why, out);
         }
     }
@@ -430,7 +442,7 @@ impl SweepExecution {
 /// Returns what plans are made from: where those rest that are there.
 fn planned_from(at: &Conditions<'_>) -> PlannedFrom {
     let place = |(id, member): (VehicleId, &FleetMember)| {
-        let place = member.place().filter(|_| !member.dealings().is_lost());
+        let place = member.place().filter(|_| !member.is_away());
         Some((id, place?))
     };
     PlannedFrom {

@@ -24,6 +24,10 @@
 //! Coming back, a vehicle is taken up again in the same way: all are stopped under an empty revision of which it is a
 //! member, which it adopts first in any case (rule 6), then planned for.
 //!
+//! A vehicle that is heard, but says that it does not go on by itself (its battery is low, its range sensors do not answer, or it
+//! has not known its place for a minute), is dropped in the same way, as soon as it says that it rests: on its way home it follows
+//! no plan, and keeps clear of the others by itself. When it may go on again it is taken up again.
+//!
 //! This says when silence means something; what follows from it for a sweep is decided by the execution.
 
 use std::time::Duration;
@@ -82,12 +86,11 @@ impl SilenceLimits {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);
         let rests = |member: &FleetMember| {
             let heard_at = member.heard_at();
-            heard_at.is_none_or(|at| now.since(at) >= rests_after)
+            let is_silent = heard_at.is_none_or(|at| now.since(at) >= rests_after);
+            is_silent || (!member.dealings().is_lost() && member.rests())
         };
-        let mut lost = fleet
-            .members()
-            .filter(|(_, member)| member.dealings().is_lost());
-        lost.all(|(_, member)| rests(member))
+        let mut away = fleet.members().filter(|(_, member)| member.is_away());
+        away.all(|(_, member)| rests(member))
     }
 }
 
@@ -96,11 +99,16 @@ pub(super) fn is_too_few(fleet: &Fleet) -> bool {
     fleet.present().len() < FEWEST.min(fleet.len())
 }
 
+/// Returns whether too few are left only since others are there and do not go on by themselves: that may never end.
+pub(super) fn is_too_few_in_service(fleet: &Fleet) -> bool {
+    is_too_few(fleet) && fleet.present().len() + fleet.out().len() >= FEWEST
+}
+
 /// Returns whether enough vehicles have been heard that a sweep is worth beginning without the others.
 pub(super) fn are_enough_heard(fleet: &Fleet) -> bool {
     let heard = fleet
         .members()
-        .filter(|(_, member)| member.state().is_some() && !member.dealings().is_lost());
+        .filter(|(_, member)| member.state().is_some() && !member.is_away());
     heard.count() >= FEWEST
 }
 

@@ -109,8 +109,13 @@ pub(super) fn note_lost(vehicle: VehicleId) -> Out {
 /// Returns what is worth noting of what a vehicle has shown.
 pub(super) fn notes_of(vehicle: VehicleId, shown: FleetChange) -> impl Iterator<Item = Out> {
     let found = shown.found.then_some(StationEvent::Found(vehicle));
+    let drops_out = shown.drops_out.map(|is_out| match is_out {
+        true => StationEvent::DroppedOut(vehicle),
+        false => StationEvent::IsBack(vehicle),
+    });
     let restarted = shown.restarted.then_some(StationEvent::Restarted(vehicle));
-    found.into_iter().chain(restarted).map(Out::StationEvent)
+    let all = found.into_iter().chain(restarted).chain(drops_out);
+    all.map(Out::StationEvent)
 }
 
 /// What happened, for log and operator.
@@ -135,6 +140,11 @@ pub enum StationEvent {
     Lost(VehicleId),
     /// A lost vehicle is heard again.
     Found(VehicleId),
+    /// A vehicle does not go on by itself: its battery is low, its range sensors do not answer, or it has not known its place for
+    /// long.
+    DroppedOut(VehicleId),
+    /// A vehicle that did not go on by itself may again.
+    IsBack(VehicleId),
     /// A vehicle's software was started anew.
     Restarted(VehicleId),
     /// Orders and plans are given by this right from now on.
@@ -187,6 +197,15 @@ impl fmt::Display for StationEvent {
             }
             StationEvent::Lost(vehicle) => write!(f, "has lost vehicle {vehicle}"),
             StationEvent::Found(vehicle) => write!(f, "hears vehicle {vehicle} again"),
+            StationEvent::DroppedOut(vehicle) => {
+                write!(
+                    f,
+                    "goes on without vehicle {vehicle}, which does not by itself"
+                )
+            }
+            StationEvent::IsBack(vehicle) => {
+                write!(f, "sees that vehicle {vehicle} may go on again")
+            }
             StationEvent::Restarted(vehicle) => {
                 write!(f, "sees that vehicle {vehicle} was started anew")
             }

@@ -76,6 +76,10 @@ fn stand_in_words(reason: Option<StandReason>) -> Notice {
         Some(StandReason::Battery) => (Is::MAV_SEVERITY_CRITICAL, "stands: battery is low"),
         Some(StandReason::NoPlace) => (Is::MAV_SEVERITY_CRITICAL, "stands: its place is not known"),
         Some(StandReason::Alone) => (Is::MAV_SEVERITY_WARNING, "stands: it hears nobody"),
+        Some(StandReason::Blind) => (
+            Is::MAV_SEVERITY_CRITICAL,
+            "stands: its range sensors are silent",
+        ),
     };
     (severity, text.to_owned())
 }

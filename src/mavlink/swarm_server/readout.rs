@@ -109,6 +109,9 @@ fn mode(kind: VehicleKind, state: &State, mission: Option<&MissionProgress>) -> 
         (Control::Remote, _) => FlightMode::Manual,
         (Control::Own | Control::Silent, _) => at_rest,
         (Control::Ours, _) if lands && kind == VehicleKind::Copter => FlightMode::Land,
+        (Control::Ours, Some(StandReason::Battery | StandReason::Blind)) if returns => {
+            FlightMode::Return
+        }
         (Control::Ours, Some(_)) => at_rest,
         (Control::Ours, None) if returns => FlightMode::Return,
         (Control::Ours, None) if is_under_way(state, mission) => FlightMode::Auto,

@@ -3,7 +3,7 @@
 //! ```text
 //!                  Start                     Hold, emergency stop; battery empty, nobody heard
 //!   [Waiting] ─────────► [Following] ◄────────────────────────────────────────► [Held]
-//!                           │ Return; bus lost, battery low      Start            │ Return
+//!                           │ Return; bus lost, battery low, blind    Start       │ Return
 //!                           ▼                                                     ▼
 //!                       [Returning]: [InQueue] (lower ids first) ◄─► [UnderWay] ─► [Home], at rest
 //! ```
@@ -95,15 +95,20 @@ impl Goal {
         })
     }
 
-    /// Returns the goal after an order. A vehicle that came home with a low battery stays there, and by order from now on.
-    pub(super) fn ordered(self, now: Time, kind: OrderKind, is_battery_low: bool) -> Goal {
-        match (kind, self) {
-            (OrderKind::Start, Goal::Home(_)) if is_battery_low => Goal::Home(GoalSource::Order),
-            (OrderKind::Start, _) => Goal::Following,
-            (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors, _) => {
+    /// Returns the goal after an order. A vehicle at home stays there as long as something keeps it.
+    pub(super) fn ordered(
+        self,
+        now: Time,
+        kind: OrderKind,
+        stays_home_for: Option<AutonomyCause>,
+    ) -> Goal {
+        match (kind, self, stays_home_for) {
+            (OrderKind::Start, Goal::Home(_), Some(cause)) => Goal::Home(GoalSource::Itself(cause)),
+            (OrderKind::Start, _, _) => Goal::Following,
+            (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors, _, _) => {
                 Goal::Held(GoalSource::Order)
             }
-            (OrderKind::Return, _) => Goal::go_home(now, GoalSource::Order),
+            (OrderKind::Return, _, _) => Goal::go_home(now, GoalSource::Order),
         }
     }
 
@@ -209,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_leads_where_the_drawing_says_but_for_a_low_battery_at_home() {
+    fn an_order_leads_where_the_drawing_says_but_for_what_keeps_a_vehicle_at_home() {
         let low = GoalSource::Itself(AutonomyCause::BatteryLow);
         for from in [
             Goal::Waiting,
@@ -217,20 +222,21 @@ mod tests {
             Goal::Held(low),
             Goal::Home(low),
         ] {
-            let after = |kind, is_low| from.ordered(at(2.0), kind, is_low);
-            assert_eq!(after(OrderKind::Start, false), Goal::Following);
+            let keeps = Some(AutonomyCause::BatteryLow);
+            let after = |kind, keeps| from.ordered(at(2.0), kind, keeps);
+            assert_eq!(after(OrderKind::Start, None), Goal::Following);
             for stop in [OrderKind::Hold, OrderKind::Land, OrderKind::CutMotors] {
-                assert_eq!(after(stop, true), Goal::Held(GoalSource::Order));
+                assert_eq!(after(stop, keeps), Goal::Held(GoalSource::Order));
             }
             let home = Goal::go_home(at(2.0), GoalSource::Order);
-            assert_eq!(after(OrderKind::Return, true), home);
+            assert_eq!(after(OrderKind::Return, keeps), home);
             let started = match from {
-                Goal::Home(_) => Goal::Home(GoalSource::Order),
+                Goal::Home(_) => Goal::Home(low),
                 Goal::Waiting | Goal::Following | Goal::Held(_) | Goal::Returning(_) => {
                     Goal::Following
                 }
             };
-            assert_eq!(after(OrderKind::Start, true), started, "from {from:?}");
+            assert_eq!(after(OrderKind::Start, keeps), started, "from {from:?}");
         }
     }
 

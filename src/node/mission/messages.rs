@@ -30,6 +30,8 @@ pub enum AutonomyCause {
     BatteryLow,
     /// The battery is below `battery_hold`.
     BatteryEmpty,
+    /// Its range sensors have not answered for too long.
+    Blind,
 }
 
 impl fmt::Display for AutonomyCause {
@@ -38,6 +40,7 @@ impl fmt::Display for AutonomyCause {
             AutonomyCause::BusLost => "the bus is lost",
             AutonomyCause::BatteryLow => "the battery is low",
             AutonomyCause::BatteryEmpty => "the battery is nearly empty",
+            AutonomyCause::Blind => "its range sensors do not answer",
         })
     }
 }
@@ -263,6 +266,7 @@ impl From<AutonomyCause> for EndReason {
         match cause {
             AutonomyCause::BusLost => EndReason::BusLost,
             AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty => EndReason::BatteryLow,
+            AutonomyCause::Blind => EndReason::Blind,
         }
     }
 }

@@ -7,19 +7,24 @@
 //!   [Good] ◄─ as well known as lately ─► [Worse] ◄─ pose_sd_max_m ─► [Unknown]
 //! ```
 //!
-//! A mission that must wait for its place ends after [`PLACE_WITHIN`] and says so. Deliberately absent: the stop of a vehicle
-//! that drives, which the vehicle actor does by itself.
+//! A mission that must wait for its place ends after [`PLACE_WITHIN`] and says so. Who follows a plan of the ground station
+//! stands as long as its range sensors do not answer, and goes home after [`SIGHT_WITHIN`], over its own track alone.
+//! Deliberately absent: the stop of a vehicle that drives without a place, which the vehicle actor does by itself.
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::autonomy::Decision;
 use super::goal::Goal;
-use super::{EndReason, Mission, MissionEvent, Out};
+use super::{AutonomyCause, EndReason, Mission, MissionEvent, Out};
 use crate::time::Time;
 
 /// A mission that waits for its place is given up after this long. People read of it in docs/modules.md.
 const PLACE_WITHIN: Duration = Duration::from_secs(300);
+/// A vehicle that is to follow a plan goes home when its range sensors have not answered for this long: the others wait for it.
+/// People read of it in docs/modules.md.
+const SIGHT_WITHIN: Duration = Duration::from_secs(60);
 /// How well the place was known counts for this long.
 const LATELY: Duration = Duration::from_secs(600);
 /// A place whose deviation is this many times what it was lately is worse known.
@@ -40,7 +45,10 @@ enum PlaceQuality {
 pub(super) struct PlaceWatch {
     sd_max_m: f64,
     quality: PlaceQuality,
-    sees: bool,
+    /// Since when its range sensors do not answer.
+    blind_since: Option<Time>,
+    /// They have not for too long.
+    is_blind: bool,
     /// The least deviation of late, metres, and when it was said.
     least: Option<(Time, f64)>,
     waits_since: Option<Time>,
@@ -54,7 +62,8 @@ impl PlaceWatch {
         PlaceWatch {
             sd_max_m,
             quality: PlaceQuality::Good,
-            sees: true,
+            blind_since: None,
+            is_blind: false,
             least: None,
             waits_since: None,
             rests_at_home: false,
@@ -64,10 +73,17 @@ impl PlaceWatch {
     /// Records the deviation of the place, metres, and whether the range sensors answer; returns whether the place is known
     /// when that is news.
     pub(super) fn take(&mut self, now: Time, sd_m: f64, sees: bool) -> Option<bool> {
-        self.sees = sees;
         let was_known = self.is_known();
         let is_least = |(at, least_m)| sd_m <= least_m || now.since(at) > LATELY;
         let is_known = sd_m <= self.sd_max_m;
+        // Without a place nothing is asked of them.
+        self.blind_since = match sees || !is_known {
+            true => None,
+            false => self.blind_since.or(Some(now)),
+        };
+        self.is_blind = self
+            .blind_since
+            .is_some_and(|since| now.since(since) >= SIGHT_WITHIN);
         if is_known && self.least.is_none_or(is_least) {
             self.least = Some((now, sd_m));
         }
@@ -101,17 +117,27 @@ impl PlaceWatch {
         }
     }
 
+    /// Returns whether the range sensors answer.
+    fn sees(&self) -> bool {
+        self.blind_since.is_none()
+    }
+
+    /// Returns whether the range sensors have not answered for too long.
+    pub(super) fn is_blind(&self) -> bool {
+        self.is_blind
+    }
+
     /// Returns whether the place is known and the world seen so well that what is said of other places is true.
     pub(super) fn may_claim(&self) -> bool {
         match self.quality {
-            PlaceQuality::Good => self.sees,
+            PlaceQuality::Good => self.sees(),
             PlaceQuality::Worse | PlaceQuality::Unknown => false,
         }
     }
 
     /// Returns why a mission ends that has waited too long.
     pub(super) fn reason(&self) -> EndReason {
-        match self.sees || !self.is_known() {
+        match self.sees() {
             true => EndReason::NoPlace,
             false => EndReason::Blind,
         }
@@ -155,6 +181,21 @@ impl Mission {
         }
     }
 
+    /// A vehicle that follows a plan and does not see stands, and goes home when that takes too long; returns whether it does not
+    /// see.
+    pub(super) fn waits_to_see(&mut self, now: Time, out: &mut Vec<Out>) -> bool {
+        let Some(state) = self.state.as_ref().filter(|state| !state.sees) else {
+            return false;
+        };
+        let drives = state.leg.is_some();
+        if self.place.is_blind() {
+            self.carry_out(now, Decision::Return(AutonomyCause::Blind), out);
+        } else if drives {
+            self.stop(now, out);
+        }
+        true
+    }
+
     /// Ends the return of a vehicle that rests at home already, and cannot or need not drive; returns whether it is one.
     pub(super) fn end_return_at_home(&mut self, out: &mut Vec<Out>) -> bool {
         let Goal::Returning(home) = self.goal else {
@@ -179,13 +220,14 @@ impl Mission {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::{OrderKind, TaskKind};
+    use tomoswarm_proto::{OrderKind, StandReason, TaskKind};
 
     use super::super::tests::{at, driven, fed, order, planned, started};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
     use crate::node::OwnState;
+    use crate::node::mission::goal::GoalSource;
     use crate::node::mission::{In, MissionStatus};
     use crate::node::tests_support::{own_state, settings};
 
@@ -260,6 +302,57 @@ mod tests {
                 .and_then(|runner| runner.end())
                 .cloned();
             assert_eq!(end, expected);
+        }
+    }
+
+    #[test]
+    fn who_follows_a_plan_and_does_not_see_stands_and_goes_home_after_a_minute() {
+        let mut mission = planned(None);
+        fed(&mut mission, 2.0, order(OrderKind::Start));
+        let mut own = own_state(0.5, 0.0);
+        own.leg = Some(vec![Point::new(0.5, 0.0), Point::new(2.0, 0.0)]);
+        own.sees = false;
+        let out = fed(&mut mission, 3.0, In::State(own.clone()));
+        assert!(super::super::tests::holds(&out), "{out:?}");
+        own.leg = None;
+        let out = fed(&mut mission, 62.9, In::State(own.clone()));
+        assert_eq!((said(&out), driven(&out)), (vec![], None), "it stands");
+        assert_eq!(mission.holds_for(), None);
+        let out = fed(&mut mission, 63.0, In::State(own.clone()));
+        let decided = MissionEvent::Decides(AutonomyCause::Blind, MissionStatus::Returning);
+        assert!(said(&out).contains(&decided), "{out:?}");
+        assert_eq!(mission.holds_for(), Some(StandReason::Blind));
+        // A start leads it nowhere once it is at home, until it sees.
+        mission.goal = Goal::Home(GoalSource::Itself(AutonomyCause::Blind));
+        for (sees, status) in [
+            (false, MissionStatus::Home),
+            (true, MissionStatus::Following),
+        ] {
+            own.sees = sees;
+            fed(&mut mission, 70.0, In::State(own.clone()));
+            let reason = (!sees).then_some(StandReason::Blind);
+            assert_eq!(mission.holds_for(), reason);
+            fed(&mut mission, 70.0, order(OrderKind::Start));
+            assert_eq!(mission.goal.status(), status);
+        }
+    }
+
+    #[test]
+    fn who_sees_again_within_a_minute_goes_on_with_its_plan() {
+        let mut mission = planned(None);
+        fed(&mut mission, 2.0, order(OrderKind::Start));
+        let mut own = own_state(0.5, 0.0);
+        for (now_s, sees, drives) in [
+            (3.0, false, false),
+            (50.0, false, false),
+            (51.0, true, true),
+            (52.0, false, false),
+            (100.0, false, false),
+        ] {
+            own.sees = sees;
+            let out = fed(&mut mission, now_s, In::State(own.clone()));
+            assert_eq!(driven(&out).is_some(), drives, "{now_s} s: {out:?}");
+            assert_eq!(mission.goal.status(), MissionStatus::Following);
         }
     }
 

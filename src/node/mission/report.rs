@@ -57,14 +57,37 @@ impl Mission {
         self.goal.is_under_way() && !self.may_move()
     }
 
-    /// Returns why it stands and does not go on by itself; `None` = it may.
+    /// Returns why it stands, or goes home, and does not go on by itself; `None` = it may.
     pub(super) fn holds_for(&self) -> Option<StandReason> {
-        self.holds().then(|| match self.goal.cause() {
-            _ if self.autonomy.is_alone() && self.goal.is_under_way() => StandReason::Alone,
-            Some(AutonomyCause::BusLost) => StandReason::Alone,
-            Some(AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty) => StandReason::Battery,
-            None => StandReason::Held,
-        })
+        if self.autonomy.is_alone() && self.goal.is_under_way() {
+            return Some(StandReason::Alone);
+        }
+        match (self.goal, self.goal.cause()) {
+            (Goal::Held(_), Some(AutonomyCause::BusLost)) => Some(StandReason::Alone),
+            (Goal::Held(_), Some(AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty)) => {
+                Some(StandReason::Battery)
+            }
+            (Goal::Held(_), Some(AutonomyCause::Blind)) => Some(StandReason::Blind),
+            (Goal::Held(_), None) => Some(StandReason::Held),
+            // Whoever has sent it home, a start leads it nowhere until that has ended.
+            (Goal::Returning(_) | Goal::Home(_), _) => match self.stays_home_for()? {
+                AutonomyCause::Blind => Some(StandReason::Blind),
+                AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty => {
+                    Some(StandReason::Battery)
+                }
+                AutonomyCause::BusLost => None,
+            },
+            (Goal::Waiting | Goal::Following, _) => None,
+        }
+    }
+
+    /// Returns why a vehicle that is at home stays there, whatever it is ordered.
+    pub(super) fn stays_home_for(&self) -> Option<AutonomyCause> {
+        match (self.autonomy.is_battery_low(), self.place.is_blind()) {
+            (true, _) => Some(AutonomyCause::BatteryLow),
+            (false, true) => Some(AutonomyCause::Blind),
+            (false, false) => None,
+        }
     }
 
     /// Returns how far it is with its plan; of a mission of its own in which run that is, since it follows no revision.

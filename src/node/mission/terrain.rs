@@ -16,11 +16,11 @@ pub(super) use self::search::{
 };
 
 use self::driven_places::DrivenPlaces;
-use self::reflex_obstacles::ReflexObstacles;
+use self::reflex_obstacles::{ReflexObstacles, hold_before};
 use super::obstruction::ObstructionKind;
 use super::way::Way;
-use crate::geom::{Point, Pose, Rect};
-use crate::map::{CellRect, MapTile, Merged, Occupancy};
+use crate::geom::{Cell, Point, Pose, Rect};
+use crate::map::{Bar, CellRect, MapTile, Merged, Occupancy};
 use crate::node::VehicleSettings;
 use crate::node::vehicle::ReflexObstacle;
 use crate::plan::{Corridor, Release, RequiredClearance};
@@ -137,7 +137,7 @@ impl Terrain {
         PathSearch {
             settings: &self.settings,
             map: &self.map,
-            obstacles: self.reflex_obstacles.present(now).copied().collect(),
+            obstacles: self.obstacles(now),
             driven: self.driven(),
             is_on_track: !self.sees,
             pose,
@@ -159,12 +159,42 @@ impl Terrain {
         let area = CellRect::covering(self.settings.lattice, around);
         let view = self.map.view(self.settings.slice, area);
         let mut release = strip.corridor.released(&view, &strip.route, pose.at);
-        self.reflex_obstacles
-            .hold_before(now, pose.at, strip.way, &mut release);
+        hold_before(&self.obstacles(now), pose.at, strip.way, &mut release);
         if !self.sees {
             self.hold_on_track(pose.at, strip.way, &mut release);
         }
         release
+    }
+
+    /// Returns what made the reflex halt of late. What the map is sure of on the arc of its echo keeps its clearance by the map:
+    /// then the rest of the arc, which may reach across a doorway that the vehicle has come in by, is taken for free.
+    fn obstacles(&self, now: Time) -> Vec<ReflexObstacle> {
+        let present = self.reflex_obstacles.present(now).copied();
+        let by_map = |obstacle: ReflexObstacle| match self.is_on_map(&obstacle) {
+            true => obstacle.in_the_middle(),
+            false => obstacle,
+        };
+        present.map(by_map).collect()
+    }
+
+    /// Returns whether the map is sure that something stands on the arc of an echo that made the reflex halt.
+    fn is_on_map(&self, obstacle: &ReflexObstacle) -> bool {
+        let lattice = self.settings.lattice;
+        let near_m = obstacle.keep_m - obstacle.middle_keep_m + lattice.cell_m() / 2.0;
+        let Some(area) = CellRect::around(lattice, &[obstacle.at], near_m + lattice.cell_m())
+        else {
+            return false;
+        };
+        let view = self.map.view(self.settings.slice, area);
+        let is_sure = |cell: Cell| {
+            let barred = view.barred(cell);
+            let sure = barred.filter(|barred| barred.bar == Bar::Confirmed);
+            sure.is_some_and(|barred| {
+                let mut parts = barred.places(lattice, cell);
+                parts.any(|part| part.distance_to(obstacle.at) <= near_m)
+            })
+        };
+        area.cells().any(is_sure)
     }
 
     /// Ends a release where the way leaves what the vehicle has driven.

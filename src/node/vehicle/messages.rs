@@ -74,10 +74,12 @@ impl fmt::Display for SafetyEvent {
 /// Something that made the reflex halt: an echo from somewhere in the beam's cone.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ReflexObstacle {
-    /// Where the echo came from, on the beam's axis.
+    /// The middle of the arc that the echo may have come from.
     pub at: Point,
-    /// How near the vehicle's middle may come, metres.
+    /// How near the vehicle's middle may come, wherever on the arc it stands, metres.
     pub keep_m: f64,
+    /// How near the vehicle's middle may come if it stands in the middle, metres.
+    pub middle_keep_m: f64,
     /// Until when it is believed to be there.
     pub until: Time,
 }
@@ -86,6 +88,14 @@ pub struct ReflexObstacle {
 const CUT_OFF_M: f64 = 0.025;
 
 impl ReflexObstacle {
+    /// Returns the same, taken to stand in the middle of its arc.
+    pub fn in_the_middle(self) -> ReflexObstacle {
+        ReflexObstacle {
+            keep_m: self.middle_keep_m,
+            ..self
+        }
+    }
+
     /// Returns whether a way keeps clear, or at least comes no nearer than `here_m`, metres (but for what a straight step
     /// between two places that are no nearer cuts off).
     pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {

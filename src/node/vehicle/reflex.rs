@@ -191,14 +191,17 @@ impl Reflex {
         ReflexObstacle {
             at,
             keep_m: settings.body.radius_m + MARGIN_M + spread_m,
+            middle_keep_m: settings.body.radius_m + MARGIN_M,
             until: now + if is_peer { KEEP_PEER_FOR } else { KEEP_FOR },
         }
     }
 
-    /// Returns whether a route from `here` comes too near to something that made it halt.
+    /// Returns whether a route from `here` comes too near to something that made it halt, taken to stand in the middle of its arc:
+    /// to keep clear of all of the arc is for whoever plans, and knows from the map what else the echo may have come from.
     pub(super) fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
         let is_clear = |obstacle: &ReflexObstacle| {
             let here_m = obstacle.at.distance_to(here);
+            let obstacle = obstacle.in_the_middle();
             route
                 .segments()
                 .all(|piece| obstacle.is_passed_by(piece, here_m))

@@ -55,6 +55,8 @@ impl ProgressMeter {
             | GroundNote::Waits(_)
             | GroundNote::Lost(_)
             | GroundNote::Found(_)
+            | GroundNote::DroppedOut(_)
+            | GroundNote::IsBack(_)
             | GroundNote::Restarted(_)
             | GroundNote::Leads(_)
             | GroundNote::StandsBy(_)

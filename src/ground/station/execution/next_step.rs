@@ -3,14 +3,15 @@
 use std::time::Duration;
 
 use super::{Conditions, ExecutionPhase, PublishedPlans, SweepRun};
-use crate::ground::station::lost_vehicles::is_too_few;
+use crate::ground::station::lost_vehicles::{is_too_few, is_too_few_in_service};
 use crate::time::Time;
 
 /// A revision that somebody does not follow after this long is replaced.
 const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
 /// Plans that did not come after this long are asked for again.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(30);
-/// When nobody can be planned for for this long, everyone is stopped anew; a second time in a lap the sweep is given up.
+/// When nobody can be planned for for this long, everyone is stopped anew; a second time in a lap the sweep is given up. Vehicles
+/// that are lost are waited for as long as it takes.
 const NOT_STOPPED_AFTER: Duration = Duration::from_secs(420);
 /// When no vehicle has done a stop, or come to where it was not, for this long beyond the longest dwell, everyone is planned
 /// for anew; a second time in a lap the sweep is given up. People read of it in docs/modules.md.
@@ -54,7 +55,8 @@ impl NextStep {
             }
             ExecutionPhase::Stopping { .. } if may_plan(plans, at) => NextStep::Ask,
             ExecutionPhase::Stopping { since, .. }
-                if is_over(since, NOT_STOPPED_AFTER) && !is_too_few(at.fleet) =>
+                if is_over(since, NOT_STOPPED_AFTER)
+                    && (!is_too_few(at.fleet) || is_too_few_in_service(at.fleet)) =>
             {
                 NextStep::Retry
             }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::*;
 use tomoswarm_proto::{
-    Boot, Plan, PoseReport, Position, Revision, Sample, Samples, State, Stop, StopId,
+    Boot, Plan, PoseReport, Position, Revision, Sample, Samples, StandReason, State, Stop, StopId,
 };
 
 const RUN: RunId = RunId(2);
@@ -476,6 +476,53 @@ fn a_lost_vehicle_is_planned_around_once_it_surely_stands_and_with_one_left_the_
         ground.advance(1001.0),
         ["Replans(RunId(2))", "stop 4", "start 2"]
     );
+}
+
+#[test]
+fn a_vehicle_that_is_out_is_planned_around_at_once_and_not_started_and_with_one_left_the_sweep_ends()
+ {
+    let mut ground = Ground::running();
+    let battery = |state: &mut State| state.stands_under = Some(StandReason::Battery);
+    ground.state(40.0, TWO, |state| {
+        battery(state);
+        state.is_at_rest = false;
+    });
+    ground.state(40.0, ONE, |_| {});
+    assert_eq!(ground.fleet.out(), [TWO]);
+    assert_eq!(
+        ground.advance(41.0),
+        ["Replans(RunId(2))", "stop 3", "start 2", "Waits(RunId(2))"]
+    );
+    ground.fleet.start_all(RunId(2));
+    let started: Vec<VehicleId> = ground
+        .fleet
+        .open_orders()
+        .iter()
+        .map(|order| order.vehicle)
+        .collect();
+    assert!(!started.contains(&TWO), "{started:?}");
+    ground.progress_of(42.0, ONE, 3, None);
+    assert_eq!(ground.advance(43.0), [""; 0], "too few are left");
+    // It may go on again.
+    ground.state(44.0, TWO, |_| {});
+    assert_eq!(
+        ground.advance(44.0),
+        ["Replans(RunId(2))", "stop 4", "start 2"]
+    );
+    // It may not, for good.
+    ground.state(50.0, TWO, battery);
+    assert_eq!(
+        ground.advance(51.0),
+        ["Replans(RunId(2))", "stop 5", "start 2", "Waits(RunId(2))"]
+    );
+    ground.progress_of(52.0, ONE, 5, None);
+    let words = ground.advance(500.0);
+    assert!(words.contains(&"Replans(RunId(2))".to_owned()), "{words:?}");
+    let words = ground.advance(1000.0);
+    let given_up = words
+        .iter()
+        .find(|word| word.contains("out of service: vehicle 2"));
+    assert!(given_up.is_some(), "{words:?}");
 }
 
 #[test]

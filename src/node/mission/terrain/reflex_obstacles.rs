@@ -29,14 +29,19 @@ impl ReflexObstacles {
     pub(super) fn present(&self, now: Time) -> impl Iterator<Item = &ReflexObstacle> {
         self.known.iter().filter(move |known| known.until > now)
     }
+}
 
-    /// Ends the release of a way, from the place where the vehicle is, before the way leads to an obstacle.
-    pub(super) fn hold_before(&self, now: Time, place: Point, way: &Way, release: &mut Release) {
-        for obstacle in self.present(now) {
-            if let Some(at_m) = free_until_m(obstacle, place, way, release) {
-                release.free_until_m = at_m;
-                (release.blocked, release.blocked_at_m) = (Some(obstacle.at), Some(at_m));
-            }
+/// Ends the release of a way, from the place where the vehicle is, before the way leads to one of the obstacles.
+pub(super) fn hold_before(
+    obstacles: &[ReflexObstacle],
+    place: Point,
+    way: &Way,
+    release: &mut Release,
+) {
+    for obstacle in obstacles {
+        if let Some(at_m) = free_until_m(obstacle, place, way, release) {
+            release.free_until_m = at_m;
+            (release.blocked, release.blocked_at_m) = (Some(obstacle.at), Some(at_m));
         }
     }
 }
@@ -74,6 +79,7 @@ mod tests {
         ReflexObstacle {
             at: Point::new(x_m, 0.0),
             keep_m: 0.5,
+            middle_keep_m: 0.35,
             until: at(until_s),
         }
     }
@@ -92,7 +98,8 @@ mod tests {
             unknown: None,
             unknown_at_m: None,
         };
-        known.hold_before(at(now_s), Point::default(), &way, &mut release);
+        let present: Vec<ReflexObstacle> = known.present(at(now_s)).copied().collect();
+        hold_before(&present, Point::default(), &way, &mut release);
         (release.free_until_m, release.blocked)
     }
 

@@ -527,11 +527,15 @@ impl PathSearch<'_> {
     fn fence_m(&self, keep_m: f64, goal: Option<Point>) -> f64 {
         let (fence, reach_m) = (&self.settings.fence, self.settings.reach_m());
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
-        // A goal may lie near the fence; but nobody comes nearer to it step by step.
+        // A goal may lie near the fence; but nobody comes nearer to it step by step, or than the goal asks for.
         let least_m = reach_m + 3.0 * self.pose.sd_m + FENCE_M;
+        let goal_m = |goal: Point| match fence.distance_to_edge(goal) >= least_m {
+            true => edge_m(goal).max(least_m),
+            false => edge_m(goal),
+        };
         keep_m
             .min(edge_m(self.pose.at).max(least_m))
-            .min(goal.map_or(f64::INFINITY, edge_m))
+            .min(goal.map_or(f64::INFINITY, goal_m))
             .max(reach_m)
     }
 

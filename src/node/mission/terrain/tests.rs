@@ -5,6 +5,8 @@ use std::sync::Arc;
 use tomoswarm_proto::{TileAddress, TileReport};
 
 use super::*;
+use crate::geom::Track;
+use crate::map::CONFIRMED_FROM;
 use crate::node::tests_support::{own_state, settings};
 
 fn at(time_s: f64) -> Time {
@@ -50,6 +52,7 @@ pub(in crate::node::mission) fn obstacle(x_m: f64, y_m: f64) -> ReflexObstacle {
     ReflexObstacle {
         at: Point::new(x_m, y_m),
         keep_m: 0.5,
+        middle_keep_m: 0.35,
         until: at(9.0),
     }
 }
@@ -116,6 +119,47 @@ fn what_is_noted_counts_in_the_next_search() {
         terrain.can_reach(at(9.0), pose(0.0, 0.0), goal),
         "it is believed no more"
     );
+}
+
+#[test]
+fn what_the_map_is_sure_of_on_the_arc_of_an_echo_leaves_the_rest_of_the_arc_open() {
+    // The reflex met something at (3, 0.4), on an arc of 0.15 m to each side: as near as 0.35 m to it, or 0.5 m to all of it.
+    let post = |x_m: f64, y_m: f64| (2.9..3.1).contains(&x_m) && (0.4..0.6).contains(&y_m);
+    let elsewhere = |x_m: f64, y_m: f64| (2.9..3.1).contains(&x_m) && (1.0..1.2).contains(&y_m);
+    let nothing = |_: f64, _: f64| false;
+    let mut doubted = tiles_of(post);
+    for tile in &mut doubted {
+        let unsure = tile.cells.map(|value| value.min(CONFIRMED_FROM - 1));
+        tile.cells = Arc::new(unsure);
+    }
+    for (name, tiles, is_held) in [
+        ("sure", tiles_of(post), false),
+        ("doubted", doubted, true),
+        ("sure, farther away", tiles_of(elsewhere), true),
+        ("unknown", tiles_of(nothing), true),
+    ] {
+        let mut terrain = Terrain::new(settings(1));
+        tiles
+            .into_iter()
+            .for_each(|tile| terrain.learn(&tile.into()));
+        let (free_m, blocked) = released(&terrain, at(1.0));
+        assert!(free_m > 5.0 && blocked.is_none(), "{name}: {free_m} m");
+        terrain.note_obstacle(at(1.0), obstacle(3.0, 0.4));
+        let blocked = released(&terrain, at(1.0)).1;
+        assert_eq!(blocked.is_some(), is_held, "{name}");
+        let goal = Point::new(5.0, 0.0);
+        let way = terrain
+            .search(at(1.0), pose(0.0, 0.0))
+            .path(goal, true, &[])
+            .unwrap();
+        let track = Track::new(way).unwrap();
+        let away_m = track
+            .segments()
+            .map(|piece| piece.distance_to_point(Point::new(3.0, 0.4)));
+        let nearest_m = away_m.fold(f64::INFINITY, f64::min);
+        let least_m = if is_held { 0.47 } else { 0.32 };
+        assert!(nearest_m >= least_m, "{name}: {nearest_m} m");
+    }
 }
 
 #[test]
