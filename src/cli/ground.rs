@@ -189,9 +189,9 @@ fn line(status: &GroundStatus) {
         .as_ref()
         .map_or("listens".to_owned(), |report| {
             let phase = names::phase(report.phase);
-            let (done, laps) = (report.laps_done, report.laps);
+            let laps = names::laps(report.laps_done, report.laps);
             format!(
-                "{phase}, run {}, lap {done} of {laps}, {} samples",
+                "{phase}, run {}, {laps}, {} samples",
                 report.run, report.samples
             )
         });

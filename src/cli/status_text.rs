@@ -11,7 +11,7 @@ use super::table::table;
 use crate::geom::Vector;
 use crate::operator::fleet_view::{FleetView, Timestamped, VehicleView};
 use crate::operator::names::{
-    control, kind_name, listed, mission_phase, mode, ordered, phase, run_end, troubles,
+    self, control, kind_name, listed, mission_phase, mode, ordered, phase, run_end, troubles,
 };
 use crate::operator::status::Expected;
 use crate::time::Time;
@@ -175,9 +175,10 @@ fn ground_lines(report: &Timestamped<GroundReport>, now: Time) -> String {
     };
     let standing = report.value.in_force.map_or("nothing", kind_name);
     format!(
-        "ground  {}: run {run}, lap {laps_done} of {laps}, {samples} samples, {held}, lost: {}, stands: {standing}, \
+        "ground  {}: run {run}, {}, {samples} samples, {held}, lost: {}, stands: {standing}, \
          troubles: {} ({:.1} s ago)\n",
         phase(*at),
+        names::laps(*laps_done, *laps),
         listed(&report.value.lost),
         troubles(&report.value.troubles),
         report.age(now).as_secs_f64(),

@@ -167,6 +167,13 @@ fn baud(text: &str) -> Result<u32, String> {
 /// Returns what the module of a vehicle is to say of itself.
 fn settings(vehicle: u8, venue_file: &Path, power_dbm: i8) -> Result<ModuleSettings, CliError> {
     let venue = venue(venue_file)?;
+    let homes = venue.homes.len();
+    if !(1..=homes).contains(&usize::from(vehicle)) {
+        return Err(CliError::Usage(format!(
+            "--vehicle {vehicle}: has no home in {}; 1 to {homes} is allowed",
+            read::shown(venue_file)
+        )));
+    }
     Ok(ModuleSettings::of_venue(
         VehicleId(vehicle),
         &venue,

@@ -13,7 +13,7 @@ use tomoswarm_proto::{
 };
 
 use crate::operator::fleet_view::{FleetView, SILENT_AFTER};
-use crate::operator::names::{mode, phase};
+use crate::operator::names::{laps, mode, phase};
 use crate::time::Time;
 
 /// Events kept at most.
@@ -237,7 +237,7 @@ impl EventList {
         }
         if before.stands_under != state.stands_under {
             let text = match state.stands_under {
-                Some(why) => format!("stands: {}", super::records::stand_reason(why)),
+                Some(why) => format!("does not go on: {}", super::records::stand_reason(why)),
                 None => "may go on".to_owned(),
             };
             say(EventKind::Change, text);
@@ -283,11 +283,8 @@ impl EventList {
         let before = before.map(|before| &before.value);
         let key = |report: &GroundReport| (report.phase, report.run, report.laps_done);
         if before.is_none_or(|before| key(before) != key(report)) {
-            let (run, done, laps) = (report.run.0, report.laps_done, report.laps);
-            let text = format!(
-                "ground station: {}, run {run}, lap {done} of {laps}",
-                phase(report.phase)
-            );
+            let (run, laps) = (report.run.0, laps(report.laps_done, report.laps));
+            let text = format!("ground station: {}, run {run}, {laps}", phase(report.phase));
             self.add(now, EventKind::Change, Vec::new(), text);
         }
         let known_lost = before.map_or(&[][..], |before| &before.lost);
@@ -367,7 +364,7 @@ mod tests {
         ];
         let expected = [
             "change [VehicleId(1)] is heard: idle",
-            "change [VehicleId(1)] stands: held",
+            "change [VehicleId(1)] does not go on: held",
             "trouble [VehicleId(1)] is heard again after 10 s",
             "change [VehicleId(1)] may go on",
         ];

@@ -408,7 +408,8 @@ impl Mission {
         if !is_start || (follows && drove_home) {
             self.stop(now, out);
         }
-        if follows {
+        // What keeps it at home ends a mission of its own at once.
+        if is_start && matches!(self.goal, Goal::Following | Goal::Home(_)) {
             self.start(now, order.run, out);
         }
         self.go_on(now, out);
@@ -505,6 +506,7 @@ impl Mission {
                 Deadline::earlier(runner.deadline(), pilot),
             ),
             (Goal::Following, None) if self.is_without_plan() => self.plan.deadline(),
+            (Goal::Following, None) if !self.place.sees() => None,
             (Goal::Following, None) => Deadline::earlier(self.plan.deadline(), pilot),
             (Goal::Returning(home), _) if home.is_under_way() => pilot,
             (Goal::Returning(_) | Goal::Waiting | Goal::Held(_) | Goal::Home(_), _) => None,

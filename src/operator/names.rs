@@ -100,6 +100,14 @@ pub fn troubles(troubles: &[String]) -> String {
     }
 }
 
+/// Returns in words how many laps of a sweep are done.
+pub fn laps(done: u32, all: u32) -> String {
+    match all {
+        0 => "no laps planned".to_owned(),
+        all => format!("lap {done} of {all}"),
+    }
+}
+
 /// Returns a list in words; a dash for an empty one.
 pub fn listed<T: std::fmt::Display>(all: &[T]) -> String {
     let words: Vec<String> = all.iter().map(T::to_string).collect();

@@ -50,6 +50,44 @@ fn all_that_lose_the_bus_come_home_and_none_moves_without_the_radio_too() {
 }
 
 #[test]
+fn the_others_sweep_on_without_a_vehicle_whose_battery_is_low_or_whose_sensors_are_silent() {
+    for (kind, reason) in [
+        ("battery", "returns by itself: the battery is low"),
+        (
+            "sensor",
+            "returns by itself: its range sensors do not answer",
+        ),
+    ] {
+        let faults = fault(kind, "vehicles = [2]");
+        let outcome = place(3, "until_s = 3000.0", &faults).run_to_the_end();
+        let said = |words: &str| outcome.log.matches(words).count();
+        assert_eq!(said(reason), 1, "{kind}");
+        assert_eq!(
+            said("goes on without vehicle 2, which does not by itself"),
+            1
+        );
+        assert_settled(&outcome);
+    }
+}
+
+#[test]
+fn a_vehicle_that_is_charged_again_is_taken_up_again_and_with_one_left_the_sweep_says_who_is_out() {
+    let low = fault("battery", "vehicles = [2]");
+    let charged = "[[fault]]\nkind = \"battery\"\nat_s = 200.0\nvehicles = [2]\ncharge = 1.0\n";
+    let both = format!("{low}{charged}");
+    let outcome = place(3, "until_s = 3000.0", &both).run_to_the_end();
+    assert!(outcome.log.contains("sees that vehicle 2 may go on again"));
+    assert_settled(&outcome);
+    let outcome = place(2, "until_s = 3000.0", &low).run();
+    let why = outcome.failure.as_deref().unwrap_or_default();
+    assert!(
+        why.ends_with("no vehicle gets on; out of service: vehicle 2"),
+        "{why}"
+    );
+    assert!(outcome.collisions.is_empty());
+}
+
+#[test]
 fn a_sweep_goes_on_when_the_bus_is_back() {
     let faults = format!(
         "[safety]\nautonomy_s = 10.0\n{}",

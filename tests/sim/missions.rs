@@ -503,3 +503,18 @@ fn what_stands_on_the_way_of_a_stored_mission_halts_it_and_ends_it_when_it_stays
         tail(&outcome.log)
     );
 }
+
+#[test]
+fn a_rover_comes_out_again_by_a_doorway_within_centimetres_of_what_it_needs() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doors/experiment.toml");
+    // Searches through doors of 1 m; with these seeds the rover halted at both posts on its way out, again and again.
+    for run in ["120", "125"] {
+        let folder = tempfile::tempdir().unwrap();
+        let ended = std::process::Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
+            .args(["experiment", file, "--only", run, "--out"])
+            .arg(folder.path().join("out"))
+            .output()
+            .unwrap();
+        assert!(ended.status.success(), "run {run}: {ended:?}");
+    }
+}

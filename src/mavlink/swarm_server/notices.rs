@@ -73,12 +73,12 @@ fn stand_in_words(reason: Option<StandReason>) -> Notice {
         Some(StandReason::Held) => (Is::MAV_SEVERITY_NOTICE, "stands by an order"),
         Some(StandReason::Remote) => (Is::MAV_SEVERITY_WARNING, "steered by remote control"),
         Some(StandReason::Autopilot) => (Is::MAV_SEVERITY_WARNING, "its autopilot acts by itself"),
-        Some(StandReason::Battery) => (Is::MAV_SEVERITY_CRITICAL, "stands: battery is low"),
+        Some(StandReason::Battery) => (Is::MAV_SEVERITY_CRITICAL, "does not go on: battery is low"),
         Some(StandReason::NoPlace) => (Is::MAV_SEVERITY_CRITICAL, "stands: its place is not known"),
         Some(StandReason::Alone) => (Is::MAV_SEVERITY_WARNING, "stands: it hears nobody"),
         Some(StandReason::Blind) => (
             Is::MAV_SEVERITY_CRITICAL,
-            "stands: its range sensors are silent",
+            "does not go on: range sensors are silent",
         ),
     };
     (severity, text.to_owned())

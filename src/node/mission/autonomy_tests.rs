@@ -406,6 +406,41 @@ fn a_task_that_comes_after_a_vehicle_has_gone_home_by_itself_ends_with_that_reas
 }
 
 #[test]
+fn a_run_that_begins_while_something_keeps_a_vehicle_at_home_ends_there_with_that_reason() {
+    for (battery, kept) in [(0.1, true), (0.9, false)] {
+        let mut mission = Mission::new(settings(1));
+        fed(&mut mission, 1.0, GROUND);
+        fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        fed(&mut mission, 1.1, order(OrderKind::Start));
+        let charged = |battery| crate::node::OwnState {
+            battery: Some(battery),
+            ..own_state(0.0, 0.0)
+        };
+        fed(&mut mission, 2.0, In::State(charged(0.1)));
+        mission.goal = Goal::Home(GoalSource::Itself(AutonomyCause::BatteryLow));
+        fed(&mut mission, 3.0, In::State(charged(battery)));
+        assert_eq!(mission.holds_for().is_some(), kept);
+        let next = RunId(mission.assignment.run().0 + 1);
+        let In::Task(task) = exploration(&mission) else {
+            unreachable!()
+        };
+        fed(&mut mission, 4.0, In::Task(Task { run: next, ..task }));
+        let In::Order(start) = order(OrderKind::Start) else {
+            unreachable!()
+        };
+        let out = fed(&mut mission, 5.0, In::Order(Order { run: next, ..start }));
+        let ends = has(&out, MissionEvent::Ended(EndReason::BatteryLow));
+        assert_eq!(ends, kept, "{out:?}");
+        let status = if kept {
+            MissionStatus::Home
+        } else {
+            MissionStatus::Following
+        };
+        assert_eq!(mission.goal.status(), status);
+    }
+}
+
+#[test]
 fn a_task_that_comes_while_a_vehicle_drives_home_leaves_it_on_its_way() {
     let mut mission = Mission::new(settings(1));
     let away = own_state(5.0, 0.0);

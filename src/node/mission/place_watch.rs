@@ -118,7 +118,7 @@ impl PlaceWatch {
     }
 
     /// Returns whether the range sensors answer.
-    fn sees(&self) -> bool {
+    pub(super) fn sees(&self) -> bool {
         self.blind_since.is_none()
     }
 
@@ -184,10 +184,10 @@ impl Mission {
     /// A vehicle that follows a plan and does not see stands, and goes home when that takes too long; returns whether it does not
     /// see.
     pub(super) fn waits_to_see(&mut self, now: Time, out: &mut Vec<Out>) -> bool {
-        let Some(state) = self.state.as_ref().filter(|state| !state.sees) else {
+        if self.place.sees() {
             return false;
-        };
-        let drives = state.leg.is_some();
+        }
+        let drives = self.state.as_ref().is_some_and(|state| state.leg.is_some());
         if self.place.is_blind() {
             self.carry_out(now, Decision::Return(AutonomyCause::Blind), out);
         } else if drives {
@@ -335,6 +335,25 @@ mod tests {
             fed(&mut mission, 70.0, order(OrderKind::Start));
             assert_eq!(mission.goal.status(), status);
         }
+    }
+
+    #[test]
+    fn who_does_not_see_is_not_woken_for_what_it_would_search() {
+        let mut mission = planned(Some((1.4, 1.8)));
+        fed(&mut mission, 2.0, order(OrderKind::Start));
+        let mut own = own_state(0.8, 0.0);
+        let mut now_s = 2.0;
+        while mission.goal_deadline().is_none() {
+            now_s += 0.1;
+            assert!(now_s < 60.0, "the wall is not met");
+            fed(&mut mission, now_s, In::State(own.clone()));
+        }
+        own.sees = false;
+        fed(&mut mission, now_s + 0.1, In::State(own.clone()));
+        assert_eq!(mission.goal_deadline().map(|due| due.why), None);
+        own.sees = true;
+        fed(&mut mission, now_s + 0.2, In::State(own));
+        assert!(mission.goal_deadline().is_some(), "it searches again");
     }
 
     #[test]
