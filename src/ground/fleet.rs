@@ -104,9 +104,9 @@ impl Fleet {
     }
 
     /// Returns the vehicles that are heard, and do not go on by themselves, ascending.
-    pub(crate) fn out(&self) -> Vec<VehicleId> {
+    pub(crate) fn out_of_service(&self) -> Vec<VehicleId> {
         self.members()
-            .filter(|(_, member)| member.is_out() && !member.dealings().is_lost())
+            .filter(|(_, member)| member.is_out_of_service() && !member.dealings().is_lost())
             .map(|(id, _)| id)
             .collect()
     }
@@ -235,7 +235,7 @@ impl Fleet {
         let in_service = self
             .members
             .iter_mut()
-            .filter(|(_, member)| !member.is_out());
+            .filter(|(_, member)| !member.is_out_of_service());
         for (vehicle, member) in in_service {
             member.dealings_mut().start(*vehicle, self.lease, run);
         }

@@ -182,6 +182,13 @@ impl Mission {
             Decision::Return(cause) => (Goal::go_home(now, GoalSource::Itself(cause)), cause),
         };
         self.goal = goal;
+        match cause {
+            // Whoever plans goes on without it: it moves again only under a newer plan.
+            AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty | AutonomyCause::Blind => {
+                self.plan.leave();
+            }
+            AutonomyCause::BusLost => {}
+        }
         self.stop(now, out);
         out.push(Out::MissionEvent(MissionEvent::Decides(
             cause,

@@ -102,9 +102,9 @@ pub fn troubles(troubles: &[String]) -> String {
 
 /// Returns in words how many laps of a sweep are done.
 pub fn laps(done: u32, all: u32) -> String {
-    match all {
-        0 => "no laps planned".to_owned(),
-        all => format!("lap {done} of {all}"),
+    match (done, all) {
+        (0, 0) => "no laps planned".to_owned(),
+        (done, all) => format!("lap {done} of {all}"),
     }
 }
 

@@ -1,14 +1,14 @@
 //! One vehicle as the ground sees it: what it has said last, and when it was heard. Does not know the other ones, and decides
 //! nothing about orders (`fleet/dealings.rs`).
 
-use std::time::Duration;
-
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, MissionProgress, Order, RunId, SeenState, StandReason, State};
 
 use super::order_ledger::OrderLedger;
 use crate::geom::{Point, Vector};
-use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers, VOID_AFTER, VehicleProgress};
+use crate::sweep::{
+    LOWER_BOOT_AFTER, LowerNumbers, OUT_OF_SERVICE_AFTER, VOID_AFTER, VehicleProgress,
+};
 use crate::time::Time;
 
 /// One vehicle as the ground sees it.
@@ -28,11 +28,8 @@ pub(crate) struct FleetMember {
     dealings: OrderLedger,
     /// Since when it has said that it does not know its place.
     placeless_since: Option<Time>,
-    is_out: bool,
+    is_out_of_service: bool,
 }
-
-/// Who has not known its place for this long is out.
-const PLACE_WITHIN: Duration = Duration::from_secs(60);
 
 /// What a message of a vehicle has shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -74,8 +71,8 @@ impl FleetMember {
 
     /// Returns whether it does not go on, whatever it is told: its battery is low, its range sensors do not answer, or it has not
     /// known its place for long.
-    pub(crate) fn is_out(&self) -> bool {
-        self.is_out
+    pub(crate) fn is_out_of_service(&self) -> bool {
+        self.is_out_of_service
     }
 
     /// Returns whether it said last that it rests, and is committed to no way.
@@ -86,7 +83,7 @@ impl FleetMember {
 
     /// Returns whether nothing is to be expected of it: it is lost, or does not go on by itself.
     pub(crate) fn is_away(&self) -> bool {
-        self.dealings.is_lost() || self.is_out()
+        self.dealings.is_lost() || self.is_out_of_service()
     }
 
     /// Returns the fastest that it was heard to drive, m/s.
@@ -158,15 +155,10 @@ impl FleetMember {
         }
         let speed_mps = Vector::from(state.velocity).length_m();
         self.fastest_mps = self.fastest_mps.max(speed_mps);
-        let was_out = self.is_out;
-        self.is_out = self.note_whether_out(now, &state);
+        let was_out = self.is_out_of_service;
+        self.is_out_of_service = self.note_whether_out(now, &state);
         self.state = Some((now, state));
-        let is_free = self
-            .state()
-            .is_some_and(|state| state.stands_under.is_none());
-        // What an order holds may not go on either.
-        let is_news = |is_out: &bool| *is_out != was_out && (*is_out || is_free);
-        let drops_out = Some(self.is_out).filter(is_news);
+        let drops_out = Some(self.is_out_of_service).filter(|is_out| *is_out != was_out);
         FleetChange {
             restarted,
             found,
@@ -183,10 +175,12 @@ impl FleetMember {
             Some(StandReason::NoPlace) => self.placeless_since.or(Some(now)),
             _ => None,
         };
-        let is_lost = |since| now.since(since) > PLACE_WITHIN;
+        let is_too_long = |since| now.since(since) > OUT_OF_SERVICE_AFTER;
         match state.stands_under {
+            None => false,
             Some(StandReason::Battery | StandReason::Blind) => true,
-            _ => self.placeless_since.is_some_and(is_lost),
+            // Of several reasons only the first is said.
+            Some(_) => self.is_out_of_service || self.placeless_since.is_some_and(is_too_long),
         }
     }
 
@@ -320,18 +314,15 @@ mod tests {
                 ..state(1, 1 + u64::from(now_s))
             };
             let drops_out = member.hear_state(at(now_s), state, LEASE).drops_out;
-            (drops_out, member.is_out(), member.is_away())
+            (drops_out, member.is_out_of_service(), member.is_away())
         };
         let (battery, no_place) = (Some(StandReason::Battery), Some(StandReason::NoPlace));
         assert_eq!(shows(1, None), (None, false, false));
         assert_eq!(shows(2, battery), (Some(true), true, true));
         assert_eq!(shows(3, Some(StandReason::Blind)), (None, true, true));
-        assert_eq!(
-            shows(4, Some(StandReason::Held)),
-            (None, false, false),
-            "no news"
-        );
-        assert_eq!(shows(5, battery), (Some(true), true, true));
+        let held = Some(StandReason::Held);
+        assert_eq!(shows(4, held), (None, true, true), "that may hide another");
+        assert_eq!(shows(5, battery), (None, true, true));
         assert_eq!(shows(6, None), (Some(false), false, false));
         assert_eq!(shows(10, no_place), (None, false, false));
         assert_eq!(shows(70, no_place), (None, false, false));

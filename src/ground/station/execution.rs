@@ -386,7 +386,7 @@ impl SweepExecution {
             out.push(SweepOutput::HoldAll(run));
             let out_of_service: Vec<String> = at
                 .fleet
-                .out()
+                .out_of_service()
                 .iter()
                 .map(|id| format!("vehicle {id}"))
                 .collect();

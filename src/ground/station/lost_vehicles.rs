@@ -25,8 +25,8 @@
 //! member, which it adopts first in any case (rule 6), then planned for.
 //!
 //! A vehicle that is heard, but says that it does not go on by itself (its battery is low, its range sensors do not answer, or it
-//! has not known its place for a minute), is dropped in the same way, as soon as it says that it rests: on its way home it follows
-//! no plan, and keeps clear of the others by itself. When it may go on again it is taken up again.
+//! has not known its place for a minute), is dropped in the same way, as soon as it says that it rests: it has left r before, and enters
+//! and finishes nothing of it any more; on its way home it keeps clear of the others by itself. When it may go on again it is taken up again.
 //!
 //! This says when silence means something; what follows from it for a sweep is decided by the execution.
 
@@ -82,7 +82,7 @@ impl SilenceLimits {
     }
 
     /// Returns whether every vehicle that was dropped surely stands still; see the module's page.
-    pub(super) fn do_lost_ones_rest(self, now: Time, fleet: &Fleet) -> bool {
+    pub(super) fn do_absent_ones_rest(self, now: Time, fleet: &Fleet) -> bool {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);
         let rests = |member: &FleetMember| {
             let heard_at = member.heard_at();
@@ -101,7 +101,8 @@ pub(super) fn is_too_few(fleet: &Fleet) -> bool {
 
 /// Returns whether too few are left only since others are there and do not go on by themselves: that may never end.
 pub(super) fn is_too_few_in_service(fleet: &Fleet) -> bool {
-    is_too_few(fleet) && fleet.present().len() + fleet.out().len() >= FEWEST
+    is_too_few(fleet)
+        && fleet.present().len() + fleet.out_of_service().len() >= FEWEST.min(fleet.len())
 }
 
 /// Returns whether enough vehicles have been heard that a sweep is worth beginning without the others.
@@ -148,7 +149,7 @@ mod tests {
             hear(&mut fleet, 0, 1);
             hear(&mut fleet, 31, 2);
             assert_eq!(limits(autonomy_s).lose(at(31), &mut fleet), [VehicleId(1)]);
-            let rest = |at_s| limits(autonomy_s).do_lost_ones_rest(at(at_s), &fleet);
+            let rest = |at_s| limits(autonomy_s).do_absent_ones_rest(at(at_s), &fleet);
             assert!(rest(rests_s), "autonomy {autonomy_s} s");
             assert!(!rest(rests_s - 1), "autonomy {autonomy_s} s");
         }

@@ -198,13 +198,10 @@ impl fmt::Display for StationEvent {
             StationEvent::Lost(vehicle) => write!(f, "has lost vehicle {vehicle}"),
             StationEvent::Found(vehicle) => write!(f, "hears vehicle {vehicle} again"),
             StationEvent::DroppedOut(vehicle) => {
-                write!(
-                    f,
-                    "goes on without vehicle {vehicle}, which does not by itself"
-                )
+                write!(f, "sees that vehicle {vehicle} is out of service")
             }
             StationEvent::IsBack(vehicle) => {
-                write!(f, "sees that vehicle {vehicle} may go on again")
+                write!(f, "sees that vehicle {vehicle} is in service again")
             }
             StationEvent::Restarted(vehicle) => {
                 write!(f, "sees that vehicle {vehicle} was started anew")

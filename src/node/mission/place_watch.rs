@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A mission that must wait for its place ends after [`PLACE_WITHIN`] and says so. Who follows a plan of the ground station
-//! stands as long as its range sensors do not answer, and goes home after [`SIGHT_WITHIN`], over its own track alone.
+//! stands as long as its range sensors do not answer, and goes home after [`OUT_OF_SERVICE_AFTER`], over its own track alone.
 //! Deliberately absent: the stop of a vehicle that drives without a place, which the vehicle actor does by itself.
 
 use std::time::Duration;
@@ -18,13 +18,13 @@ use serde::{Deserialize, Serialize};
 use super::autonomy::Decision;
 use super::goal::Goal;
 use super::{AutonomyCause, EndReason, Mission, MissionEvent, Out};
+use crate::sweep::OUT_OF_SERVICE_AFTER;
 use crate::time::Time;
 
 /// A mission that waits for its place is given up after this long. People read of it in docs/modules.md.
 const PLACE_WITHIN: Duration = Duration::from_secs(300);
-/// A vehicle that is to follow a plan goes home when its range sensors have not answered for this long: the others wait for it.
-/// People read of it in docs/modules.md.
-const SIGHT_WITHIN: Duration = Duration::from_secs(60);
+/// Range sensors that have not answered for [`OUT_OF_SERVICE_AFTER`] are trusted again when they have answered for this long.
+const SEES_AGAIN_AFTER: Duration = Duration::from_secs(30);
 /// How well the place was known counts for this long.
 const LATELY: Duration = Duration::from_secs(600);
 /// A place whose deviation is this many times what it was lately is worse known.
@@ -47,7 +47,9 @@ pub(super) struct PlaceWatch {
     quality: PlaceQuality,
     /// Since when its range sensors do not answer.
     blind_since: Option<Time>,
-    /// They have not for too long.
+    /// Since when they answer.
+    sees_since: Option<Time>,
+    /// They have not for too long, and not for long since.
     is_blind: bool,
     /// The least deviation of late, metres, and when it was said.
     least: Option<(Time, f64)>,
@@ -63,6 +65,7 @@ impl PlaceWatch {
             sd_max_m,
             quality: PlaceQuality::Good,
             blind_since: None,
+            sees_since: None,
             is_blind: false,
             least: None,
             waits_since: None,
@@ -77,13 +80,15 @@ impl PlaceWatch {
         let is_least = |(at, least_m)| sd_m <= least_m || now.since(at) > LATELY;
         let is_known = sd_m <= self.sd_max_m;
         // Without a place nothing is asked of them.
-        self.blind_since = match sees || !is_known {
-            true => None,
-            false => self.blind_since.or(Some(now)),
+        (self.blind_since, self.sees_since) = match (is_known, sees) {
+            (false, _) => (None, None),
+            (true, true) => (None, self.sees_since.or(Some(now))),
+            (true, false) => (self.blind_since.or(Some(now)), None),
         };
-        self.is_blind = self
-            .blind_since
-            .is_some_and(|since| now.since(since) >= SIGHT_WITHIN);
+        let is_long =
+            |since: Option<Time>, at_least| since.is_some_and(|since| now.since(since) >= at_least);
+        self.is_blind = is_long(self.blind_since, OUT_OF_SERVICE_AFTER)
+            || (self.is_blind && !is_long(self.sees_since, SEES_AGAIN_AFTER));
         if is_known && self.least.is_none_or(is_least) {
             self.least = Some((now, sd_m));
         }
@@ -148,6 +153,12 @@ impl PlaceWatch {
         now.since(*self.waits_since.get_or_insert(now)) >= PLACE_WITHIN
     }
 
+    /// Returns whether something has waited for so long.
+    fn has_waited(&self, now: Time, at_least: Duration) -> bool {
+        self.waits_since
+            .is_some_and(|since| now.since(since) >= at_least)
+    }
+
     /// Records that nothing waits for the place any more.
     pub(super) fn end_wait(&mut self) {
         self.waits_since = None;
@@ -178,6 +189,10 @@ impl Mission {
         }
         if self.place.wait(now) {
             self.end_own_mission(EndReason::NoPlace, out);
+        }
+        if self.runner.is_none() && self.place.has_waited(now, OUT_OF_SERVICE_AFTER) {
+            // Whoever plans goes on without it: it moves again only under a newer plan.
+            self.plan.leave();
         }
     }
 
@@ -324,17 +339,29 @@ mod tests {
         assert_eq!(mission.holds_for(), Some(StandReason::Blind));
         // A start leads it nowhere once it is at home, until it sees.
         mission.goal = Goal::Home(GoalSource::Itself(AutonomyCause::Blind));
-        for (sees, status) in [
-            (false, MissionStatus::Home),
-            (true, MissionStatus::Following),
+        for (now_s, sees, is_kept) in [
+            (70.0, false, true),
+            (71.0, true, true),
+            (72.0, false, true),
+            (73.0, true, true),
+            (102.9, true, true),
+            (103.0, true, false),
         ] {
             own.sees = sees;
-            fed(&mut mission, 70.0, In::State(own.clone()));
-            let reason = (!sees).then_some(StandReason::Blind);
-            assert_eq!(mission.holds_for(), reason);
-            fed(&mut mission, 70.0, order(OrderKind::Start));
-            assert_eq!(mission.goal.status(), status);
+            fed(&mut mission, now_s, In::State(own.clone()));
+            let reason = is_kept.then_some(StandReason::Blind);
+            assert_eq!(mission.holds_for(), reason, "{now_s} s");
+            fed(&mut mission, now_s, order(OrderKind::Start));
+            let status = if is_kept {
+                MissionStatus::Home
+            } else {
+                MissionStatus::Following
+            };
+            assert_eq!(mission.goal.status(), status, "{now_s} s");
         }
+        // The others drive under another plan by now.
+        let out = fed(&mut mission, 103.1, In::State(own));
+        assert_eq!(driven(&out), None);
     }
 
     #[test]

@@ -65,7 +65,8 @@ impl Mission {
         match (self.goal, self.goal.cause()) {
             (Goal::Held(_), Some(AutonomyCause::BusLost)) => Some(StandReason::Alone),
             (Goal::Held(_), Some(AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty)) => {
-                Some(StandReason::Battery)
+                let is_low = self.autonomy.is_battery_low();
+                is_low.then_some(StandReason::Battery)
             }
             (Goal::Held(_), Some(AutonomyCause::Blind)) => Some(StandReason::Blind),
             (Goal::Held(_), None) => Some(StandReason::Held),

@@ -90,6 +90,10 @@ impl Vehicle {
         let ahead = way_ahead(items, from, self.settings.home, pose.at);
         if let Some(first) = track_of(&ahead[..ahead.len().min(2)]) {
             self.check_route(now, &first, pose)?;
+            // Nobody has planned it by the map.
+            if self.reflex.may_be_in_the_way(now, &first, pose.at) {
+                return Err(CommandRefusal::ReflexObstacle);
+            }
         }
         let mut ways = all_ways(items, self.settings.home).into_iter();
         if !ways.all(|way| self.stays_inside(&way)) {

@@ -196,12 +196,26 @@ impl Reflex {
         }
     }
 
+    /// Returns whether a route from `here` comes too near to something that made it halt, wherever on its arc it stands.
+    pub(super) fn may_be_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
+        self.is_barred(now, route, here, |obstacle| obstacle)
+    }
+
     /// Returns whether a route from `here` comes too near to something that made it halt, taken to stand in the middle of its arc:
     /// to keep clear of all of the arc is for whoever plans, and knows from the map what else the echo may have come from.
     pub(super) fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
+        self.is_barred(now, route, here, ReflexObstacle::in_the_middle)
+    }
+
+    fn is_barred(
+        &self,
+        now: Time,
+        route: &Track,
+        here: Point,
+        taken: impl Fn(ReflexObstacle) -> ReflexObstacle,
+    ) -> bool {
         let is_clear = |obstacle: &ReflexObstacle| {
-            let here_m = obstacle.at.distance_to(here);
-            let obstacle = obstacle.in_the_middle();
+            let (here_m, obstacle) = (obstacle.at.distance_to(here), taken(*obstacle));
             route
                 .segments()
                 .all(|piece| obstacle.is_passed_by(piece, here_m))

@@ -126,6 +126,6 @@ pub(super) fn must_rest(
 fn may_plan(plans: &PublishedPlans, at: &Conditions<'_>) -> bool {
     plans.are_all_stopped()
         && !is_too_few(at.fleet)
-        && at.silence.do_lost_ones_rest(at.now, at.fleet)
+        && at.silence.do_absent_ones_rest(at.now, at.fleet)
         && at.fleet.are_placed()
 }

@@ -488,7 +488,7 @@ fn a_vehicle_that_is_out_is_planned_around_at_once_and_not_started_and_with_one_
         state.is_at_rest = false;
     });
     ground.state(40.0, ONE, |_| {});
-    assert_eq!(ground.fleet.out(), [TWO]);
+    assert_eq!(ground.fleet.out_of_service(), [TWO]);
     assert_eq!(
         ground.advance(41.0),
         ["Replans(RunId(2))", "stop 3", "start 2", "Waits(RunId(2))"]

@@ -341,7 +341,7 @@ impl PathSearch<'_> {
         let mut grid =
             SearchGrid::of_parts(&view, area, clearance, bars, self.pose.at, nodes).ok()?;
         let keep_m = self.settings.corridor_m(self.pose.sd_m);
-        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
+        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal, None));
         // It came through there, whatever the map says now.
         grid.open_along(self.driven);
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
@@ -508,7 +508,8 @@ impl PathSearch<'_> {
         };
         let mut grid = grid.ok()?;
         // What the map does not show is closed: fence, peers, and what only the reflex has met.
-        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
+        let node_m = Some(grid.lattice().cell_m());
+        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal, node_m));
         let clearance = self.peer_clearance(grid.lattice());
         peers
             .iter()
@@ -522,16 +523,22 @@ impl PathSearch<'_> {
         Some(grid)
     }
 
-    /// Returns how far to keep from the fence, metres. A vehicle, or its goal, may be nearer to it than wished: then that
+    /// Returns how far to keep from the fence, metres, over nodes so far apart; `None` = nothing is driven. A vehicle, or its goal, may be nearer to it than wished: then that
     /// much must do.
-    fn fence_m(&self, keep_m: f64, goal: Option<Point>) -> f64 {
+    fn fence_m(&self, keep_m: f64, goal: Option<Point>, node_m: Option<f64>) -> f64 {
         let (fence, reach_m) = (&self.settings.fence, self.settings.reach_m());
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
         // A goal may lie near the fence; but nobody comes nearer to it step by step, or than the goal asks for.
         let least_m = reach_m + 3.0 * self.pose.sd_m + FENCE_M;
-        let goal_m = |goal: Point| match fence.distance_to_edge(goal) >= least_m {
-            true => edge_m(goal).max(least_m),
-            false => edge_m(goal),
+        let goal_m = |goal: Point| {
+            let away_m = fence.distance_to_edge(goal);
+            let Some(node_m) = node_m.filter(|_| away_m >= least_m) else {
+                return edge_m(goal);
+            };
+            // The middle of the goal's node may be nearer than the goal.
+            let to_node_m = away_m - node_m * FRAC_1_SQRT_2;
+            let driven_m = least_m.min(to_node_m).max(reach_m + 2.0 * self.pose.sd_m);
+            edge_m(goal).max(driven_m)
         };
         keep_m
             .min(edge_m(self.pose.at).max(least_m))

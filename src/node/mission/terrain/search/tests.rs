@@ -162,9 +162,22 @@ fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
     let deep = own_state(3.0, 0.0);
     let search = World::of(|_, _| false);
     let wished_m = keep_m(&search.settings, deep.pose);
-    let fence_m = |goal| search.search().fence_m(wished_m, goal);
+    let fence_m = |goal| search.search().fence_m(wished_m, goal, Some(0.1));
     assert!(fence_m(Some(near)) < fence_m(Some(HOME)));
     assert_eq!(fence_m(None), wished_m);
+    // Wherever a goal lies that keeps body, 3 σ and 5 cm, it is reached, and nothing comes nearer than body and 2 σ.
+    let (reach_m, sd_m) = (search.settings.reach_m(), deep.pose.sd_m);
+    let least_m = reach_m + 3.0 * sd_m + FENCE_M;
+    let mut world = World::of(|_, _| false);
+    for step in 0..40 {
+        let goal = Point::new(
+            3.0 + 0.013 * f64::from(step),
+            -5.0 + least_m + 0.01 * f64::from(step),
+        );
+        assert!(fence_m(Some(goal)) >= reach_m + 2.0 * sd_m, "{goal:?}");
+        world.from = Point::new(2.0, -2.0);
+        assert!(world.search().path(goal, false, &[]).is_some(), "{goal:?}");
+    }
 }
 
 #[test]
