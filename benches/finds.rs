@@ -1,9 +1,9 @@
 //! Who is found in the courtyard, with persons in other places, numbers and strengths. It measures how right the finds are, not
 //! how fast the program is; the tests take a sample of the same runs.
 //!
-//! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each placement, or of those named (default, nobody, wall,
-//!   pair, three, five, weak), from a seed on, on all cores; prints a table, and names the runs in which somebody was missed, or
-//!   nobody was found.
+//! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each placement, or of those named (default,
+//!   nobody, wall, pair, three, five, weak), from a seed on, on all cores; prints a table, and names the runs in which
+//!   somebody was missed, or nobody was found.
 //! - `… -- 3 1 eight`: three default runs with eight vehicles; `trio`, `trio-nobody`, `trio-weak`: with three vehicles.
 
 #![allow(

@@ -59,7 +59,8 @@ fn heard(scenario: &Scenario, mut hears: impl FnMut(Time, &HeardMessage) + 'stat
     ended.expect("it runs");
 }
 
-/// What another vehicle says that is like one that was simulated; `None` of what is said by others, and for more than there are.
+/// What another vehicle says that is like one that was simulated; `None` of what is said by others, and for more than there
+/// are.
 fn as_said_by_another(heard: &HeardMessage, more: u8) -> Option<HeardMessage> {
     let HeardMessage::Message(Sender::Vehicle(sender), message) = heard else {
         return None;

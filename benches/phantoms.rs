@@ -1,12 +1,13 @@
 //! How good the images of simulated sweeps are that others made, beside those of a reference program.
 //!
-//! `cargo bench --no-default-features --bench phantoms -- FOLDER [FIRST SEEDS]` images every `NAME.links.csv` in a folder by the
-//! solver `auto` and prints, for each kind of phantom, relative error, structural similarity and overlap by Otsu's threshold:
-//! mean and 95 % interval, those of the reference, and the paired differences. Then how well the deviation of the pixels tells
-//! the error of the image: the share of the truth within the 90 % band (the image ± 1.645 deviations), and the correlation of
-//! the size of the error with the deviation, means over the images of a kind. With FIRST and SEEDS the phantoms and the
-//! reference's scores (`BASELINE.jsonl`) are made before, by the scripts in `../shared/tools/phantoms`; these need a Python
-//! with numpy and scipy (`PYTHON=/path/to/python`). Without scripts or folder it says so and does nothing.
+//! `cargo bench --no-default-features --bench phantoms -- FOLDER [FIRST SEEDS]` images every `NAME.links.csv` in a folder
+//! by the solver `auto` and prints, for each kind of phantom, relative error, structural similarity and overlap by Otsu's
+//! threshold: mean and 95 % interval, those of the reference, and the paired differences. Then how well the deviation of
+//! the pixels tells the error of the image: the share of the truth within the 90 % band (the image ± 1.645 deviations), and
+//! the correlation of the size of the error with the deviation, means over the images of a kind. With FIRST and SEEDS the
+//! phantoms and the reference's scores (`BASELINE.jsonl`) are made before, by the scripts in `../shared/tools/phantoms`;
+//! these need a Python with numpy and scipy (`PYTHON=/path/to/python`). Without scripts or folder it says so and does
+//! nothing.
 
 #![allow(
     clippy::disallowed_methods,

@@ -1,8 +1,8 @@
 //! What an image costs that links are added to one by one.
 //!
-//! `cargo bench --no-default-features --bench streaming -- [WEIGHTS]` with WEIGHTS `inverse-area` (the default) or `fresnel` prints,
-//! for some sizes: the time to take all links but the last 40 together, the times from one of those to the new image (median,
-//! longest), the memory of the image, and how far it is from the one by conjugate gradients.
+//! `cargo bench --no-default-features --bench streaming -- [WEIGHTS]` with WEIGHTS `inverse-area` (the default) or
+//! `fresnel` prints, for some sizes: the time to take all links but the last 40 together, the times from one of those to
+//! the new image (median, longest), the memory of the image, and how far it is from the one by conjugate gradients.
 
 #![allow(
     clippy::disallowed_methods,

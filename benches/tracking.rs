@@ -1,5 +1,6 @@
-//! How well persons who walk in a fixed network are followed: `cargo bench --bench tracking -- SEEDS` (20) prints the median error
-//! of one and of two persons, and how often as many are followed as are there while they are 1.5 m apart. It measures how right tracks are, not time.
+//! How well persons who walk in a fixed network are followed: `cargo bench --bench tracking -- SEEDS` (20) prints the
+//! median error of one and of two persons, and how often as many are followed as are there while they are 1.5 m apart. It
+//! measures how right tracks are, not time.
 
 #![allow(
     clippy::disallowed_methods,

@@ -1,8 +1,8 @@
 //! The autopilot link: an actor between a vehicle and any autopilot ([`link`]), and the terms that both speak.
 //!
-//! The vehicle says what it wants ([`AutopilotCommand`]); the link makes of it commands in an autopilot's terms ([`Command`]), one at a
-//! time, and sees them through. What an autopilot says of itself ([`AutopilotReport`], [`Ack`]) becomes the vehicle's telemetry
-//! ([`Telemetry`]) and what has changed ([`ControlStatus`]).
+//! The vehicle says what it wants ([`AutopilotCommand`]); the link makes of it commands in an autopilot's terms
+//! ([`Command`]), one at a time, and sees them through. What an autopilot says of itself ([`AutopilotReport`], [`Ack`])
+//! becomes the vehicle's telemetry ([`Telemetry`]) and what has changed ([`ControlStatus`]).
 //!
 //! The terms are those that ArduPilot has behind MAVLink, in local metres: the simulated autopilot (`sim/autopilot`) serves
 //! exactly these, a driver only translates them to bytes. Nothing here knows a device, a world or an order of an operator.

@@ -4,10 +4,10 @@
 //! bytes that is, [`timetable`], [`radio`] and [`events`] make of what was heard the plans against time, who hears whom, and
 //! what happened, [`links`] and [`why`] what made a pixel, [`marks`] where
 //! somebody truly stands, [`scene_mesh`] what
-//! stands in a simulation, [`cell_view`] who has seen a cell, [`ghost`] where another run was, [`history`] keeps what was told and [`playback`] shows another time of it, [`gate`] judges who may look and
-//! order, and [`page_server`] joins them: it is told what was heard, what pages
-//! and requests say, and the time, and says what is to be sent, told to the operator, and published. Nothing here opens a
-//! port; the server around it is `run/dash`, the page is `web/`.
+//! stands in a simulation, [`cell_view`] who has seen a cell, [`ghost`] where another run was, [`history`] keeps what was
+//! told and [`playback`] shows another time of it, [`gate`] judges who may look and order, and [`page_server`] joins them:
+//! it is told what was heard, what pages and requests say, and the time, and says what is to be sent, told to the operator,
+//! and published. Nothing here opens a port; the server around it is `run/dash`, the page is `web/`.
 
 pub mod board;
 pub mod cell_view;

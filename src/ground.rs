@@ -1,6 +1,6 @@
 //! The ground station: the list of its five actors and how each is made, for every runtime. Fleet, schedule and samples
-//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s, which the [`image_publisher`] says to operators. [`route`] says who hears
-//! whom.
+//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s, which the [`image_publisher`]
+//! says to operators. [`route`] says who hears whom.
 //!
 //! Planner and imager may think for seconds; a fault of theirs is mended by a fresh one. A fault of the station ends the
 //! node: what it knows is in the store, and is read at the start.

@@ -1,6 +1,6 @@
-//! MAVLink, as vehicles in the field speak it: bytes to messages ([`frames`], [`signing`]), and the protocols that take more than one
-//! message, each a pure machine that is told what came and what time it is ([`command_call`], [`mission_upload`], [`mission_download`],
-//! [`parameter_list`], [`parameter_reads`], [`parameter_visit`]).
+//! MAVLink, as vehicles in the field speak it: bytes to messages ([`frames`], [`signing`]), and the protocols that take
+//! more than one message, each a pure machine that is told what came and what time it is ([`command_call`],
+//! [`mission_upload`], [`mission_download`], [`parameter_list`], [`parameter_reads`], [`parameter_visit`]).
 //!
 //! ```text
 //!   bytes ─► FrameReader ─► messages ─► machines ─► messages ─► FrameWriter ─► bytes
@@ -8,8 +8,8 @@
 //!
 //! Nothing outside of this folder names the library that it is made of. What a vehicle makes of all this is decided by whoever
 //! speaks: the driver of an autopilot ([`autopilot_driver`]), the simulated one (`sim/mavlink_vehicle`), the swarm as a ground
-//! station sees it ([`swarm_server`]). What those two have in common who serve vehicles is [`vehicle_messages`], [`asked_command`],
-//! [`message_requests`], [`streams`], [`parameter_table`], [`status_text`] and [`client_link`].
+//! station sees it ([`swarm_server`]). What those two have in common who serve vehicles is [`vehicle_messages`],
+//! [`asked_command`], [`message_requests`], [`streams`], [`parameter_table`], [`status_text`] and [`client_link`].
 
 pub mod asked_command;
 pub mod autopilot_driver;

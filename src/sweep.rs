@@ -50,8 +50,8 @@ pub use succession::{RevisionPhase, Succession};
 pub use vehicle_progress::VehicleProgress;
 pub use verdict::{FollowError, OfferResult, PlanRefusal, WaitsFor};
 
-/// A vehicle that is to follow a plan is out of service when its range sensors have not answered, or it has not known its place,
-/// for this long: it leaves its plan, and the others go on without it. People read of it in docs/modules.md.
+/// A vehicle that is to follow a plan is out of service when its range sensors have not answered, or it has not known its
+/// place, for this long: it leaves its plan, and the others go on without it. People read of it in docs/modules.md.
 pub const OUT_OF_SERVICE_AFTER: std::time::Duration = std::time::Duration::from_secs(60);
 
 /// After a silence this long of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from

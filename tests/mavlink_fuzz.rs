@@ -2,8 +2,8 @@
 //! simulated autopilot. Nobody panics, says something for ever or asks to be woken at once for ever; machines end when nobody
 //! answers; what is signed with another key is not believed; and nothing that is no number comes out. A few inputs here; ten
 //! minutes of each by hand, two at a time, with the checks of a development build:
-//! `TOMOSWARM_FUZZ_MINUTES=10 cargo test --no-default-features --features mavlink --test mavlink_fuzz -- --nocapture --test-threads 2`
-//! (`TOMOSWARM_FUZZ_SEED=7` runs that one input alone, `TOMOSWARM_FUZZ_SEED=1000000-` begins there).
+//! `TOMOSWARM_FUZZ_MINUTES=10 cargo test --no-default-features --features mavlink --test mavlink_fuzz -- --nocapture
+//! --test-threads 2` (`TOMOSWARM_FUZZ_SEED=7` runs that one input alone, `TOMOSWARM_FUZZ_SEED=1000000-` begins there).
 
 #![allow(
     clippy::disallowed_methods,

@@ -1,9 +1,9 @@
-//! What any bytes do to an XBee's host and to the simulated module: to the reader of frames, the modem, the set-up and the module.
-//! Nobody panics, says something for ever or asks to be woken at once for ever; the modem writes no register; no number is
-//! lost; and what is called set up is so. A few inputs here; five minutes of each by hand, two at a time, with the checks of a
-//! development build:
-//! `TOMOSWARM_FUZZ_MINUTES=5 cargo test --no-default-features --test xbee_fuzz -- --nocapture --test-threads 2`
-//! (`TOMOSWARM_FUZZ_SEED=7` runs that one input alone, `TOMOSWARM_FUZZ_SEED=1000000-` begins there).
+//! What any bytes do to an XBee's host and to the simulated module: to the reader of frames, the modem, the set-up and the
+//! module. Nobody panics, says something for ever or asks to be woken at once for ever; the modem writes no register; no
+//! number is lost; and what is called set up is so. A few inputs here; five minutes of each by hand, two at a time, with
+//! the checks of a development build: `TOMOSWARM_FUZZ_MINUTES=5 cargo test --no-default-features --test xbee_fuzz --
+//! --nocapture --test-threads 2` (`TOMOSWARM_FUZZ_SEED=7` runs that one input alone, `TOMOSWARM_FUZZ_SEED=1000000-` begins
+//! there).
 
 #![allow(
     clippy::disallowed_methods,

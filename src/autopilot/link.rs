@@ -14,12 +14,12 @@
 //!
 //! Laws: nothing that moves the vehicle is said after a stop before the vehicle wants to move again, nor while somebody
 //! else steers, nor while a disarming stands; nor is anything armed after a stop before that; arming is never forced, is
-//! tried three times for one start, and not again once it was seen. A person who has taken over by remote control is not braked either; an autopilot that acts by itself is,
-//! unless it comes down.
+//! tried three times for one start, and not again once it was seen. A person who has taken over by remote control is not
+//! braked either; an autopilot that acts by itself is, unless it comes down.
 //!
 //! Its parts are machines of their own, each drawn in its file: who steers (`steering.rs`), the motors (`motors.rs`), moving
-//! (`movement.rs`), a stored mission (`stored.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`, `disarming not shown`, `arming`, `too
-//! late to set out`.
+//! (`movement.rs`), a stored mission (`stored.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`,
+//! `disarming not shown`, `arming`, `too late to set out`.
 
 use std::time::Duration;
 

@@ -1,4 +1,5 @@
-//! The mission that the autopilot is to store and carry out: how far that has come. Which command serves it is the link's matter.
+//! The mission that the autopilot is to store and carry out: how far that has come. Which command serves it is the link's
+//! matter.
 //!
 //! ```text
 //!   any ──FollowStored──► [Uploading] ──accepted──► [Choosing] ──accepted──► [Entering] ──shows AUTO──► [UnderWay] ──► [Over]

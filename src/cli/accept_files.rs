@@ -45,8 +45,8 @@ pub(super) fn is_named(files: &Files, name: &str) -> bool {
     CONFIGS.iter().any(names_it)
 }
 
-/// Returns what a node's folder is to hold: what is brought, and of its own what is not brought. A configuration that was edited
-/// on the node (it is not what was brought last) stays, and a new one lies beside it.
+/// Returns what a node's folder is to hold: what is brought, and of its own what is not brought. A configuration that was
+/// edited on the node (it is not what was brought last) stays, and a new one lies beside it.
 pub(super) fn merged(brought: &Files, own: &Files, config: &str) -> MergedFiles {
     let (base, beside) = (format!(".{config}.accepted"), format!("{config}.new"));
     let mut files = own.clone();

@@ -11,7 +11,8 @@ use crate::run::device_check::{DeviceCheck, DeviceFound};
 /// What `check` does with devices.
 #[derive(clap::Args, Debug, Default)]
 pub(super) struct DeviceArgs {
-    /// Open every device of a vehicle's file and ask it once: the autopilot for a heartbeat, each range sensor for an echo, the radio for its registers; the vehicle must not be running
+    /// Open every device of a vehicle's file and ask it once: the autopilot for a heartbeat, each range sensor for an echo,
+    /// the radio for its registers; the vehicle must not be running
     #[arg(long)]
     pub(super) devices: bool,
     /// Swing the servo once, from one end to the other and back

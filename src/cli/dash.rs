@@ -22,9 +22,9 @@ pub(super) const PAGE_PORT: u16 = 8377;
 
 /// Show the swarm in a browser, and order from there.
 ///
-/// Joins the bus as an operator and serves a page on this machine alone (127.0.0.1), with --listen to other machines by TLS. Two
-/// links are printed: with one a page may look, with the other it may order as well. Without certificates a browser on another
-/// machine reaches the page through a tunnel that ends here (ssh -L). Ending this command stops nobody.
+/// Joins the bus as an operator and serves a page on this machine alone (127.0.0.1), with --listen to other machines by
+/// TLS. Two links are printed: with one a page may look, with the other it may order as well. Without certificates a
+/// browser on another machine reaches the page through a tunnel that ends here (ssh -L). Ending this command stops nobody.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct DashArgs {
@@ -37,8 +37,8 @@ pub struct DashArgs {
     /// Show the vehicles of another recorded run of the same venue beside this one, faintly: both from their first start on
     #[arg(long, value_name = "FOLDER", requires = "replay")]
     pub ghost: Option<PathBuf>,
-    /// Serve other machines as well: an address of this one, or 0.0.0.0 for all of them, by TLS with the operator's certificate;
-    /// without one it is refused [default: 127.0.0.1, this machine alone, without TLS]
+    /// Serve other machines as well: an address of this one, or 0.0.0.0 for all of them, by TLS with the operator's
+    /// certificate; without one it is refused [default: 127.0.0.1, this machine alone, without TLS]
     #[arg(long, value_name = "ADDRESS", conflicts_with = "replay")]
     pub listen: Option<IpAddr>,
     /// The port of the page; 0 = any that is free

@@ -1,5 +1,5 @@
-//! Reads recordings of fixed networks: a file with the place of every node, and files with one line for each round of a receiver:
-//! its id, the strength of every node's packet, and the time of day.
+//! Reads recordings of fixed networks: a file with the place of every node, and files with one line for each round of a
+//! receiver: its id, the strength of every node's packet, and the time of day.
 //!
 //! Pure: text in, measurements out. Every mistake names the line, what was found and what was expected.
 

@@ -36,7 +36,8 @@ pub struct GroundArgs {
     /// The ground station's file
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
-    /// Show the swarm to ground stations of MAVLink (QGroundControl, MAVProxy), as the table [mavlink] of this operator's file says
+    /// Show the swarm to ground stations of MAVLink (QGroundControl, MAVProxy), as the table [mavlink] of this operator's
+    /// file says
     #[arg(long, value_name = "OPERATOR_FILE")]
     pub mavlink: Option<PathBuf>,
     /// Serve the operator's page as well, with this operator's file: a process of its own, as `tomoswarm dash OPERATOR_FILE`

@@ -55,8 +55,8 @@ pub struct ImageCommand {
     /// How the image is found [default: as the recording says, else auto; with --why map]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
-    /// How pixels weigh in links [default: as the recording says, for tv, nn, points and auto fresnel; else what suits the solver:
-    /// inverse-area for map, line for tikhonov and tsvd, fresnel for the others]
+    /// How pixels weigh in links [default: as the recording says, for tv, nn, points and auto fresnel; else what suits the
+    /// solver: inverse-area for map, line for tikhonov and tsvd, fresnel for the others]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
     /// Pixels from west to east and from south to north [default: as the recording says, with --area of another shape as many

@@ -123,15 +123,15 @@ pub(super) fn warning_of_part(area: Option<Rect>, ring: Rect) -> Option<String> 
     })
 }
 
-/// Returns the bins of links whose ends were driven, metres: those of the ground station, and smaller ones around an area that is
-/// too small for a vehicle.
+/// Returns the bins of links whose ends were driven, metres: those of the ground station, and smaller ones around an area
+/// that is too small for a vehicle.
 fn usual_bin_m(area: Rect) -> f64 {
     let extent_m = area.width_m().max(area.height_m());
     BIN_M * (extent_m / SMALLEST_DRIVEN_M).min(1.0)
 }
 
-/// Returns the pixels of another area than was recorded: as many where it has the same shape, else as many along the longer side,
-/// and square.
+/// Returns the pixels of another area than was recorded: as many where it has the same shape, else as many along the longer
+/// side, and square.
 fn grid_of(area: Rect, recorded: PixelGrid) -> PixelGrid {
     let ratio = |area: Rect| area.width_m() / area.height_m();
     if (ratio(area) / ratio(recorded.area) - 1.0).abs() < SAME_SHAPE {

@@ -25,8 +25,8 @@ fn finds_in_words(finds: &Finds, settings: &FindSettings, area: Rect, unit: &str
     }
 }
 
-/// Returns in words who is there and cannot be found, or that nobody is found, with the best place, which is no find; `None` where
-/// everybody is found.
+/// Returns in words who is there and cannot be found, or that nobody is found, with the best place, which is no find;
+/// `None` where everybody is found.
 pub(super) fn unfound_in_words(
     finds: &Finds,
     settings: &FindSettings,

@@ -56,8 +56,8 @@ impl SolverName {
         }
     }
 
-    /// Sets the solver, and the weights that suit it, where no recording says how it is imaged; the settings are the usual ones of
-    /// their subject, by `map`.
+    /// Sets the solver, and the weights that suit it, where no recording says how it is imaged; the settings are the usual
+    /// ones of their subject, by `map`.
     pub(super) fn choose(self, settings: &mut ImagingSettings) {
         let area = settings.grid.area;
         let sparse = ImagingSettings::sparse_for(area);

@@ -29,9 +29,10 @@ const DEFAULT_DATUM: &str = "51.9989,4.3733,0,90";
 
 /// Serve simulated vehicles over MAVLink, as ArduPilot's rover or copter.
 ///
-/// Each vehicle has a port of its own (that of the address and the next ones), or all share one (`--one-link`); system ids are 1 to N.
-/// A vehicle starts switched on and disarmed, can be armed after half a second, and streams nothing but heartbeats until it is
-/// asked to. It prints one line for each endpoint, `autopilot ADDRESS`, and runs until Ctrl-C or SIGTERM.
+/// Each vehicle has a port of its own (that of the address and the next ones), or all share one (`--one-link`); system ids
+/// are 1 to N. A vehicle starts switched on and disarmed, can be armed after half a second, and streams nothing but
+/// heartbeats until it is asked to. It prints one line for each endpoint, `autopilot ADDRESS`, and runs until Ctrl-C or
+/// SIGTERM.
 ///
 /// There is no file transfer, no log, fence or rally point; parameters are kept, and those of failsafes and speeds are obeyed.
 #[derive(clap::Args, Debug)]

@@ -194,8 +194,8 @@ impl Tracks {
     }
 }
 
-/// Returns how far a person went, metres: from place to place that lie further apart than the deviations of a place, whose noise
-/// would be summed up otherwise.
+/// Returns how far a person went, metres: from place to place that lie further apart than the deviations of a place, whose
+/// noise would be summed up otherwise.
 fn way_m<'a>(mut places: impl Iterator<Item = &'a TrackedPerson>) -> f64 {
     const SURE: f64 = 3.0;
     let Some(first) = places.next() else {

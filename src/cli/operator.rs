@@ -1,6 +1,6 @@
 //! How the operator's commands (`order`, `status`, `tap`, `preflight`) come to the bus: from a file of kind `operator`, or
-//! where there are no certificates from the ground station's own file on its machine. They listen on a free port of this machine in a mesh, and are
-//! clients in a star.
+//! where there are no certificates from the ground station's own file on its machine. They listen on a free port of this
+//! machine in a mesh, and are clients in a star.
 
 use std::collections::BTreeSet;
 use std::path::Path;

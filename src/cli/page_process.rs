@@ -1,6 +1,7 @@
-//! The operator's page as a process of its own beside another command (`ground --dash`, `sim --live --dash`): `tomoswarm dash` is
-//! started, and its links are passed on. It is tied to nobody: when the ground station is gone, it still stops everybody.
-//! So a page that is left holds the port when the ground station begins anew; that one does not wait for it (`PersistentPage`).
+//! The operator's page as a process of its own beside another command (`ground --dash`, `sim --live --dash`): `tomoswarm
+//! dash` is started, and its links are passed on. It is tied to nobody: when the ground station is gone, it still stops
+//! everybody. So a page that is left holds the port when the ground station begins anew; that one does not wait for it
+//! (`PersistentPage`).
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -22,8 +23,8 @@ pub(super) struct PageProcess {
     child: Child,
 }
 
-/// What a server of pages is started with. It keeps a history of some tens of megabytes among long texts that come and go: the C
-/// library of GNU, left alone, keeps half as much again in gaps between them (`cargo bench --bench page`).
+/// What a server of pages is started with. It keeps a history of some tens of megabytes among long texts that come and go:
+/// the C library of GNU, left alone, keeps half as much again in gaps between them (`cargo bench --bench page`).
 const PAGE_ENVIRONMENT: [(&str, &str); 1] = [("MALLOC_MMAP_THRESHOLD_", "131072")];
 
 impl PageProcess {

@@ -1,5 +1,5 @@
-//! Persons who stand where nobody can be found: outside the fence, inside something solid, or inside each other. They are warned
-//! of, not refused: who builds a scene may mean it. It prints nothing.
+//! Persons who stand where nobody can be found: outside the fence, inside something solid, or inside each other. They are
+//! warned of, not refused: who builds a scene may mean it. It prints nothing.
 
 use crate::geom::Polygon;
 use crate::scene::{Outline, Person};

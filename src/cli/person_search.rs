@@ -1,4 +1,5 @@
-//! Who was searched for in a run, found and missed, in words and for a program; and why nobody was searched for. It writes nothing.
+//! Who was searched for in a run, found and missed, in words and for a program; and why nobody was searched for. It writes
+//! nothing.
 
 use serde_json::{Value, json};
 

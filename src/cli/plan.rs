@@ -15,7 +15,8 @@ use crate::sweep::{PlannedSweep, check_separation, expected_duration_s, tracks_o
 /// Plan a sweep and show it: laps, stops, lengths, and how long it will take.
 ///
 /// The plans are those that `tomoswarm sim` drives when all vehicles start at their homes. They are proven to keep the vehicles
-/// apart whatever the delays. Only a sweep has laps: a file with another mission is refused. Lengths are metres, x to the east, y to the north.
+/// apart whatever the delays. Only a sweep has laps: a file with another mission is refused. Lengths are metres, x to the
+/// east, y to the north.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct PlanArgs {

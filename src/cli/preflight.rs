@@ -21,8 +21,9 @@ use crate::time::Time;
 /// Look at everyone before a run: go or no-go.
 ///
 /// Every vehicle: on the bus and fresh, same software and venue file as here, certain of its place, inside the fence, at its
-/// home, hears every other one by radio and has sent beacons (a real radio says how many, and how many not), charged, room on its disk, nothing lost, no troubles, not held. The ground station:
-/// one, with the lease, idle, no hold stands, its store works.
+/// home, hears every other one by radio and has sent beacons (a real radio says how many, and how many not), charged, room
+/// on its disk, nothing lost, no troubles, not held. The ground station: one, with the lease, idle, no hold stands, its
+/// store works.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct PreflightArgs {

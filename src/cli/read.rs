@@ -11,8 +11,8 @@ use crate::mavlink::signing::{KEY_BYTES, key_from_hex};
 /// The largest file that any command reads, bytes.
 pub(super) const LIMIT_BYTES: u64 = 256 << 20;
 
-/// Refuses what is there and is no regular file: nobody may ever write into a named pipe. What is not there, and a folder, are left
-/// to those who read it.
+/// Refuses what is there and is no regular file: nobody may ever write into a named pipe. What is not there, and a folder,
+/// are left to those who read it.
 ///
 /// # Errors
 /// A pipe, a socket or a device.

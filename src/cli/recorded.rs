@@ -36,8 +36,8 @@ pub(super) fn sweep_of(path: &Path) -> Result<PathBuf, CliError> {
     in_folder(path, SWEEP)
 }
 
-/// Returns the recording of an empty sweep: the file itself, the sweep of an earlier run in its folder, or the empty sweep of the
-/// run that is imaged; of samples its samples, where it has any.
+/// Returns the recording of an empty sweep: the file itself, the sweep of an earlier run in its folder, or the empty sweep
+/// of the run that is imaged; of samples its samples, where it has any.
 ///
 /// # Errors
 /// A folder of something else, or of a run without an empty sweep.

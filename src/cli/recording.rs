@@ -117,10 +117,10 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Pools what lies in the same bins without what radios differ by, unless it is pooled in such already, and so the recording
-    /// that it is compared with; returns the links of both, and by how much the radios differ. See [`LinkBins::links_against`];
-    /// of what is pooled already nobody knows who measured it. Where that has been taken out of one of them already, it is found
-    /// from the other alone: what all radios have in common is no offset in either.
+    /// Pools what lies in the same bins without what radios differ by, unless it is pooled in such already, and so the
+    /// recording that it is compared with; returns the links of both, and by how much the radios differ. See
+    /// [`LinkBins::links_against`]; of what is pooled already nobody knows who measured it. Where that has been taken out
+    /// of one of them already, it is found from the other alone: what all radios have in common is no offset in either.
     pub(super) fn pooled_for(
         &self,
         empty: Option<&Recording>,
@@ -575,7 +575,8 @@ mod tests {
     use super::*;
     use crate::config::{Imaging, Reception};
 
-    /// Samples of three vehicles, of which the third sends 6 dB more strongly; every other square two of them have measured alone.
+    /// Samples of three vehicles, of which the third sends 6 dB more strongly; every other square two of them have measured
+    /// alone.
     fn samples() -> String {
         let mut text =
             "run,sequence,vehicle,boot,transmitter,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n"

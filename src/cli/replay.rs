@@ -18,8 +18,8 @@ const SHOWN: usize = 400;
 /// Take the steps of a flight recording again, and say where an actor now does something else.
 ///
 /// Every vehicle and ground station records the inputs of its actors and their outputs. Here fresh actors are restored
-/// from the recording's snapshots, given the same inputs, and their outputs are compared, actor by actor. A folder stands for all
-/// recordings (.mcap) in it. A file of a process that was killed is replayed up to its last whole chunk.
+/// from the recording's snapshots, given the same inputs, and their outputs are compared, actor by actor. A folder stands
+/// for all recordings (.mcap) in it. A file of a process that was killed is replayed up to its last whole chunk.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct ReplayArgs {

@@ -60,7 +60,8 @@ pub(super) struct SampleLinks {
     pub(super) run: Option<RunId>,
     /// The channels on which they were measured, as far as it says so.
     pub(super) channels: BTreeSet<u8>,
-    /// The links in the order in which they were measured: by UTC where all lines have it, else by the clocks of their vehicles.
+    /// The links in the order in which they were measured: by UTC where all lines have it, else by the clocks of their
+    /// vehicles.
     pub(super) in_time: Vec<usize>,
     /// Who measured each of them, as far as the file says so.
     pub(super) devices: Vec<Option<Devices>>,

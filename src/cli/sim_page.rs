@@ -1,5 +1,5 @@
-//! `sim --dash`: the operator's page of a simulation, while it runs and until Ctrl-C. It begins, feeds and ends the page; what the
-//! page shows is `dash`'s, and the run is the same without it.
+//! `sim --dash`: the operator's page of a simulation, while it runs and until Ctrl-C. It begins, feeds and ends the page;
+//! what the page shows is `dash`'s, and the run is the same without it.
 
 use std::io::Write;
 use std::time::Instant;

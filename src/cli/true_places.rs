@@ -39,8 +39,8 @@ fn columns_of(number: usize, line: &str) -> Result<(CsvHeader<'_>, [usize; 2]), 
     Ok((header, columns))
 }
 
-/// Reads places, as `tomoswarm export` writes the marks of a run (`run-N-marks.csv`); of columns only `x_m` and `y_m` are needed,
-/// in the units of the recording.
+/// Reads places, as `tomoswarm export` writes the marks of a run (`run-N-marks.csv`); of columns only `x_m` and `y_m` are
+/// needed, in the units of the recording.
 ///
 /// # Errors
 /// The first line that is not as expected, marks of several runs, or no place.

@@ -71,8 +71,8 @@ fn left_out() -> Vec<&'static str> {
         .collect()
 }
 
-/// Returns what to say when a command line, the program's name first, asks for something that only the whole build has; `None` when it is wrong
-/// in any build.
+/// Returns what to say when a command line, the program's name first, asks for something that only the whole build has;
+/// `None` when it is wrong in any build.
 pub(super) fn explain(error: &clap::Error, line: &[String]) -> Option<String> {
     let word = |kind| match error.get(kind) {
         Some(ContextValue::String(word)) => Some(word.as_str()),

@@ -45,12 +45,12 @@ pub struct WorldArgs {
     /// Number of vehicles, 2 to 250, in place of the file's; the venue must have a home for each
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
-    /// Serve its autopilots over MAVLink by TCP, vehicle 1 at this address and each other at the next port; they start switched on and
-    /// disarmed, for vehicles with `driver = "mavlink"`
+    /// Serve its autopilots over MAVLink by TCP, vehicle 1 at this address and each other at the next port; they start
+    /// switched on and disarmed, for vehicles with `driver = "mavlink"`
     #[arg(long, value_name = "ADDRESS")]
     pub mavlink: Option<SocketAddr>,
-    /// Give every vehicle an XBee at a pseudo-terminal FOLDER/vehicle-N, for vehicles with `[radio] driver = "xbee"`; all vehicles
-    /// must have it then, since the simulated radio does not hear them
+    /// Give every vehicle an XBee at a pseudo-terminal FOLDER/vehicle-N, for vehicles with `[radio] driver = "xbee"`; all
+    /// vehicles must have it then, since the simulated radio does not hear them
     #[arg(long, value_name = "FOLDER")]
     pub xbee_pty: Option<PathBuf>,
     /// Print what would start, and end

@@ -341,8 +341,8 @@ impl WrittenPlaces {
         corners
     }
 
-    /// Returns the way round the square, and fills in what was left out: its corners as the original's mission drives them, the first
-    /// north-west, and that again at the end.
+    /// Returns the way round the square, and fills in what was left out: its corners as the original's mission drives them,
+    /// the first north-west, and that again at the end.
     fn round(&mut self, source: &Source<'_>, venue: Option<&Venue>) -> Vec<Point> {
         let area = venue.map(|venue| venue.area);
         let side_m = area.map_or(10.0, |area| {

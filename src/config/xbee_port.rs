@@ -42,8 +42,8 @@ pub struct XbeePort {
 }
 
 impl XbeePort {
-    /// Returns the most time from when a beacon of so many bytes is handed to the port until another vehicle has heard it from a
-    /// port like this, milliseconds: two serial lines, and the air.
+    /// Returns the most time from when a beacon of so many bytes is handed to the port until another vehicle has heard it
+    /// from a port like this, milliseconds: two serial lines, and the air.
     pub fn latency_ms(&self, bytes: usize) -> f64 {
         let bits = (BITS_TO + BITS_FROM) * (bytes + FRAME_BYTES) as f64;
         let lines_ms = bits * 1e3 / f64::from(self.baud);

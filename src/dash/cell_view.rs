@@ -1,5 +1,6 @@
-//! Which vehicles have seen a cell of the map, what each says of it, and since when its tile is known as it is. Of the map it reads
-//! the layers (a vehicle's start writes one); it keeps a moment for each tile that the map has taken, so it is bounded as that is.
+//! Which vehicles have seen a cell of the map, what each says of it, and since when its tile is known as it is. Of the map
+//! it reads the layers (a vehicle's start writes one); it keeps a moment for each tile that the map has taken, so it is
+//! bounded as that is.
 //!
 //! A moment is that at which this program heard the tile. What a tile said before it was heard first is not known: then the
 //! vehicle may have seen it earlier.
@@ -48,7 +49,8 @@ impl TileChanges {
     }
 }
 
-/// Returns what vehicles say of a cell, JSON: those whose tile changed last first; `slice`: of one slice of altitude, or of all.
+/// Returns what vehicles say of a cell, JSON: those whose tile changed last first; `slice`: of one slice of altitude, or of
+/// all.
 pub fn cell(now: Time, board: &Board, at: Point, slice: Option<i16>) -> String {
     let lattice = board.map().lattice();
     let cell = lattice.cell_at(at);

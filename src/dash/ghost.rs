@@ -1,6 +1,6 @@
-//! Another run beside the one that is shown: where its vehicles were, by the time of the run that is shown. Both are laid over each
-//! other at the moment when a vehicle obeys its first start; a run without a start at what was said first. Bounded: of a long way the
-//! places are farther apart in time.
+//! Another run beside the one that is shown: where its vehicles were, by the time of the run that is shown. Both are laid
+//! over each other at the moment when a vehicle obeys its first start; a run without a start at what was said first.
+//! Bounded: of a long way the places are farther apart in time.
 //!
 //! It is for looking at: nothing of it enters a board, a plan or an image.
 
@@ -72,8 +72,8 @@ impl Ghost {
         json!({ "name": self.name, "vehicles": self.ways.keys().map(|id| id.0).collect::<Vec<_>>() })
     }
 
-    /// Returns where its vehicles were beside a run that began at a moment, as JSON: of each vehicle the time of that run (tenths
-    /// of a second), x, y, z (centimetres) and the heading (hundredths of a radian) in turn.
+    /// Returns where its vehicles were beside a run that began at a moment, as JSON: of each vehicle the time of that run
+    /// (tenths of a second), x, y, z (centimetres) and the heading (hundredths of a radian) in turn.
     pub fn beside(&self, began: Time) -> String {
         let shift_s = began.as_secs_f64() - self.began.as_secs_f64();
         let rounded = |of: f64| of.round() as i64;

@@ -1,10 +1,10 @@
 //! What a board was told, in the order of time, so that it can be had as it was at any moment: what was told until then is told
 //! to a board again, beginning with a copy of the board that is kept every few thousand inputs.
 //!
-//! It is bounded. When it has grown too large the oldest parts are thinned: of what replaces itself (a state, a tile, …) only the
-//! last of each second is kept, then of each ten seconds, then of each minute, and then the oldest part goes. What made an
-//! event, and all orders, marks and images, stay as long as their part does. A moment of a thinned part is shown as it was at
-//! most that much earlier, its plans ten times that.
+//! It is bounded. When it has grown too large the oldest parts are thinned: of what replaces itself (a state, a tile, …)
+//! only the last of each second is kept, then of each ten seconds, then of each minute, and then the oldest part goes. What
+//! made an event, and all orders, marks and images, stay as long as their part does. A moment of a thinned part is shown as
+//! it was at most that much earlier, its plans ten times that.
 //!
 //! Parts are compressed once they are full, and the plans of copies of the board always: who reads the history on and on keeps
 //! the part that it has read last uncompressed ([`InflatedPart`]).
@@ -131,8 +131,9 @@ impl History {
         Some((part.board(), part.from()))
     }
 
-    /// Tells a board, which was told everything before `from`, what was told before `until`; about `most` inputs. Returns before
-    /// which moment it has now been told everything. `inflated`: what the same caller has read last, for its next call.
+    /// Tells a board, which was told everything before `from`, what was told before `until`; about `most` inputs. Returns
+    /// before which moment it has now been told everything. `inflated`: what the same caller has read last, for its next
+    /// call.
     pub fn tell_again(
         &self,
         board: &mut Board,
@@ -189,8 +190,8 @@ impl History {
         each.map(|(part, before)| part.bytes(before)).sum()
     }
 
-    /// Thins or drops one part, when there are too many bytes in those that are full: a step at a time, since each takes a while
-    /// and others wait.
+    /// Thins or drops one part, when there are too many bytes in those that are full: a step at a time, since each takes a
+    /// while and others wait.
     fn make_room(&mut self) {
         let open = self.parts.back().map_or(0, Part::open_bytes);
         if self.bytes - open <= self.bytes_max || self.parts.len() <= PARTS_KEPT {

@@ -1,6 +1,6 @@
-//! The links that were measured, run by run, for whoever asks what made a pixel: samples are pooled in squares of 0.5 m, as by a
-//! ground station whose file says no other `bin_m`, each once. It knows those that this server has heard; a server that began in
-//! the middle of a run lacks what came before.
+//! The links that were measured, run by run, for whoever asks what made a pixel: samples are pooled in squares of 0.5 m, as
+//! by a ground station whose file says no other `bin_m`, each once. It knows those that this server has heard; a server
+//! that began in the middle of a run lacks what came before.
 //!
 //! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the
 //! samples themselves are kept as long as there is room ([`SampleBook`]).

@@ -1,5 +1,5 @@
-//! The newest image of a kind as its parts come, and what was found in those before it. Bounded: of the earlier images of one lap
-//! the last stays, so that a run is told from its first lap on.
+//! The newest image of a kind as its parts come, and what was found in those before it. Bounded: of the earlier images of
+//! one lap the last stays, so that a run is told from its first lap on.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -39,8 +39,8 @@ pub struct EarlierFinds {
 }
 
 impl NewestImage {
-    /// Returns whether it is newer than another one. Numbers of one run go on at zero after the greatest one, since starts of the
-    /// ground station begin far apart: the nearer way around says which is the later one.
+    /// Returns whether it is newer than another one. Numbers of one run go on at zero after the greatest one, since starts
+    /// of the ground station begin far apart: the nearer way around says which is the later one.
     pub fn is_after(&self, (run, sequence): (RunId, u32)) -> bool {
         let (own_run, own_sequence) = self.edition;
         let ahead = own_sequence.wrapping_sub(sequence).cast_signed();

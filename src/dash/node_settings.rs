@@ -1,5 +1,5 @@
-//! What nodes have said of their settings, put together from its parts: for whoever looks at a page's settings. It is no part of
-//! the history: there is no looking back at it.
+//! What nodes have said of their settings, put together from its parts: for whoever looks at a page's settings. It is no
+//! part of the history: there is no looking back at it.
 
 use std::collections::BTreeMap;
 

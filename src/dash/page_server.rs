@@ -1,5 +1,5 @@
-//! Board, gate and outboxes together: what comes from the bus, from the operator and from pages goes to them, and what follows is
-//! said as [`PageEffect`]s. Told the time, no I/O; the bus, the sockets and the operator are its caller's.
+//! Board, gate and outboxes together: what comes from the bus, from the operator and from pages goes to them, and what
+//! follows is said as [`PageEffect`]s. Told the time, no I/O; the bus, the sockets and the operator are its caller's.
 //!
 //! ```text
 //!   bus ──heard──► history ──► board ──changes──► outboxes ──frames──► pages
@@ -395,8 +395,8 @@ impl PageServer {
         Ok(number)
     }
 
-    /// Asks vehicles for what they hear while a page rides with one, and no longer; not at every word of a page, since operators'
-    /// greetings wait for nobody.
+    /// Asks vehicles for what they hear while a page rides with one, and no longer; not at every word of a page, since
+    /// operators' greetings wait for nobody.
     fn ask_for_looks(&mut self, now: Time, effects: &mut Vec<PageEffect>) {
         let mut open = self.pages.values().filter_map(|page| page.outbox.as_ref());
         let are_wanted = open.any(|outbox| outbox.rides().is_some());

@@ -80,8 +80,8 @@ impl Playback {
         last.is_none_or(|last| self.moment(history, now) >= last)
     }
 
-    /// Goes a step on; returns whether the board is as it was at the moment that is to be shown. `is_over`: nothing more will be
-    /// told at the last moment of the history.
+    /// Goes a step on; returns whether the board is as it was at the moment that is to be shown. `is_over`: nothing more
+    /// will be told at the last moment of the history.
     pub fn go_on(&mut self, history: &History, now: Time, is_over: bool) -> bool {
         let moment = self.moment(history, now);
         let last = history.span().map_or(Time::ZERO, |(_, to)| to);

@@ -1,5 +1,5 @@
-//! The triangles of a simulated scene as text (JSON), for a page that draws it; and where its vehicles' range sensors look. It says
-//! what stands there and computes nothing.
+//! The triangles of a simulated scene as text (JSON), for a page that draws it; and where its vehicles' range sensors look.
+//! It says what stands there and computes nothing.
 
 use serde_json::{Value, json};
 

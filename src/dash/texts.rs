@@ -1,5 +1,5 @@
-//! What is shown of each subject as text (JSON). Plain translation: it judges nothing but who is silent, and numbers of 64 bits go
-//! as text, since a page would round them.
+//! What is shown of each subject as text (JSON). Plain translation: it judges nothing but who is silent, and numbers of 64
+//! bits go as text, since a page would round them.
 //!
 //! What nodes say of themselves is passed on as it is; the page shows it as text only.
 
@@ -235,8 +235,8 @@ pub(super) fn shown_of_health(health: &Health) -> Health {
     }
 }
 
-/// Returns the corners of the way that a vehicle is committed to, without the first: that is where it is, which its records say ten
-/// times a second.
+/// Returns the corners of the way that a vehicle is committed to, without the first: that is where it is, which its records
+/// say ten times a second.
 pub fn corners_ahead(state: &State) -> Option<&[Position]> {
     let leg = state.leg.as_ref()?;
     Some(leg.route.get(1..).unwrap_or_default())
@@ -282,8 +282,8 @@ pub fn track(board: &Board, id: VehicleId) -> Option<String> {
     Some(json!({ "id": id.0, "places_cm": places }).to_string())
 }
 
-/// Returns the plans against time: for each vehicle its stops with what each waits for and when it is expected, and the chain that
-/// takes longest. It is long, and changes with the plans alone.
+/// Returns the plans against time: for each vehicle its stops with what each waits for and when it is expected, and the
+/// chain that takes longest. It is long, and changes with the plans alone.
 pub fn timetable(board: &Board) -> String {
     let Some(table) = board.timetable() else {
         return json!({ "rows": [] }).to_string();

@@ -2,8 +2,8 @@
 //! ([`WhyQuestion`]), made of the links that were heard ([`super::links`]), and answered apart from the server's loop
 //! ([`WhyTask`]), since it takes about a second.
 //!
-//! Only the solver `map` knows which links made a pixel, so that is what answers, on the grid of the image that is shown; its value
-//! and that of an image by another solver differ, and the page says both.
+//! Only the solver `map` knows which links made a pixel, so that is what answers, on the grid of the image that is shown;
+//! its value and that of an image by another solver differ, and the page says both.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -171,8 +171,8 @@ const THROUGH_M: f64 = 0.75;
 /// Directions that are told apart.
 const SECTORS: usize = 12;
 
-/// Returns from which direction fewest links go through a place: the middle of a sector of 15°, counter-clockwise from the x axis, 0
-/// to 180; `None` when none goes through.
+/// Returns from which direction fewest links go through a place: the middle of a sector of 15°, counter-clockwise from the
+/// x axis, 0 to 180; `None` when none goes through.
 fn least_covered_deg(links: &[LinkShare], at: Point) -> Option<f64> {
     let mut counts = [0_usize; SECTORS];
     for link in links.iter().filter(|link| distance_m(link, at) < THROUGH_M) {

@@ -38,7 +38,8 @@ pub(super) struct Legend {
 }
 
 impl Legend {
-    /// Makes the legend from colours to explain and from the overlays that are drawn, each kind once, each vehicle's track once.
+    /// Makes the legend from colours to explain and from the overlays that are drawn, each kind once, each vehicle's track
+    /// once.
     pub(super) fn new(fills: Vec<LegendEntry>, overlays: &[Overlay]) -> Legend {
         let mut marks: Vec<(Mark, String)> = overlays
             .iter()

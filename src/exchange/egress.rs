@@ -16,8 +16,8 @@ use crate::time::Time;
 
 /// Bytes that may wait at most; beyond that the lowest class loses its oldest.
 const WAITING: usize = 1 << 20;
-/// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them. So are lines of its log, and parts
-/// of its settings.
+/// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them. So are lines of its log,
+/// and parts of its settings.
 const BATCHES: usize = 2;
 
 /// A frame that a node says, with what is to be known to send it.

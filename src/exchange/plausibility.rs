@@ -54,8 +54,8 @@ struct Highest {
 #[derive(Clone, Debug, Default)]
 pub struct Plausibility {
     highest: [Highest; 4],
-    /// Since when a sender says nothing else in messages of a kind, and when it did last; bounded, since names are numbers under
-    /// 256.
+    /// Since when a sender says nothing else in messages of a kind, and when it did last; bounded, since names are numbers
+    /// under 256.
     leaping: BTreeMap<(Sender, MessageKind), (Time, Time)>,
 }
 

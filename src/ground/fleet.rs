@@ -89,32 +89,27 @@ impl Fleet {
 
     /// Returns the vehicles that are neither lost nor out, ascending.
     pub(crate) fn present(&self) -> Vec<VehicleId> {
-        self.members()
-            .filter(|(_, member)| !member.is_away())
-            .map(|(id, _)| id)
-            .collect()
+        self.those(|member| !member.is_away())
     }
 
     /// Returns the vehicles that are lost, ascending.
     pub(crate) fn lost(&self) -> Vec<VehicleId> {
-        self.members()
-            .filter(|(_, member)| member.dealings().is_lost())
-            .map(|(id, _)| id)
-            .collect()
+        self.those(|member| member.dealings().is_lost())
     }
 
     /// Returns the vehicles that are heard, and do not go on by themselves, ascending.
     pub(crate) fn out_of_service(&self) -> Vec<VehicleId> {
-        self.members()
-            .filter(|(_, member)| member.is_out_of_service() && !member.dealings().is_lost())
-            .map(|(id, _)| id)
-            .collect()
+        self.those(|member| member.is_out_of_service() && !member.dealings().is_lost())
     }
 
     /// Returns the vehicles that are waited for and have not been heard yet, ascending.
     pub(crate) fn unheard(&self) -> Vec<VehicleId> {
+        self.those(FleetMember::is_unheard)
+    }
+
+    fn those(&self, is_meant: impl Fn(&FleetMember) -> bool) -> Vec<VehicleId> {
         self.members()
-            .filter(|(_, member)| member.is_unheard())
+            .filter(|(_, member)| is_meant(member))
             .map(|(id, _)| id)
             .collect()
     }
@@ -229,8 +224,8 @@ impl Fleet {
         }
     }
 
-    /// Starts every vehicle for which nothing stands: one that an operator stopped, only an operator starts; and one that is out
-    /// comes home.
+    /// Starts every vehicle for which nothing stands: one that an operator stopped, only an operator starts; and one that
+    /// is out comes home.
     pub(crate) fn start_all(&mut self, run: RunId) {
         let in_service = self
             .members

@@ -39,8 +39,8 @@ pub enum PartsError {
     Image(#[from] TomoError),
 }
 
-/// Returns what the ground station of a simulation's file is made of, with the positions that are measured from; `store` names its
-/// store of samples.
+/// Returns what the ground station of a simulation's file is made of, with the positions that are measured from; `store`
+/// names its store of samples.
 ///
 /// # Errors
 /// The image has an impossible grid.

@@ -2,8 +2,8 @@
 //! takes a configured time; a job that waits while it works is replaced by a newer one.
 //!
 //! It is told jobs, it says pictures. It keeps the last solution of each kind, so that the next lap starts warm; the last
-//! picture of a run is made without it, so that it depends on the samples alone, also after a restart. The solver `auto` decides
-//! for that one; those before it are drafts, by `map`.
+//! picture of a run is made without it, so that it depends on the samples alone, also after a restart. The solver `auto`
+//! decides for that one; those before it are drafts, by `map`.
 //!
 //! Deadline: `picture ready`.
 

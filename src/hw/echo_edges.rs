@@ -1,5 +1,5 @@
-//! What the edges of an HC-SR04's echo line mean. Its pulse is as long as the sound was under way. A sensor that is silent, stuck or
-//! disturbed gives no reading: only a pulse that ends, and is too long for an echo, says that nothing is there.
+//! What the edges of an HC-SR04's echo line mean. Its pulse is as long as the sound was under way. A sensor that is silent,
+//! stuck or disturbed gives no reading: only a pulse that ends, and is too long for an echo, says that nothing is there.
 //!
 //! ```text
 //!   [Idle] ──trigger──► [Triggered] ──rises within 5 ms──► [High] ──falls──► [Fallen] ──1 ms quiet──► a reading; [Idle]

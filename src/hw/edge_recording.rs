@@ -1,5 +1,5 @@
-//! What the echo line of an HC-SR04 did, as a text that `tests/edges.rs` reads: pings, stamped edges, and what they were taken for.
-//! Whoever has a sensor that is read wrongly can send it in. Opens no line.
+//! What the echo line of an HC-SR04 did, as a text that `tests/edges.rs` reads: pings, stamped edges, and what they were
+//! taken for. Whoever has a sensor that is read wrongly can send it in. Opens no line.
 
 use std::fmt::Write as _;
 use std::time::Duration;

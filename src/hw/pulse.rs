@@ -1,5 +1,5 @@
-//! The pulse widths of a servo's angles. Which angle is wanted, and how long the servo turns, `plan::Mounts` knows; which pin or
-//! autopilot output moves it is the driver's.
+//! The pulse widths of a servo's angles. Which angle is wanted, and how long the servo turns, `plan::Mounts` knows; which
+//! pin or autopilot output moves it is the driver's.
 //!
 //! Angles of a servo are in degrees as its scale is marked; they do not wrap.
 

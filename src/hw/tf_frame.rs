@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Numbers are little endian. A reading that is too weak or too bright is none: the sensor does not know what is there. So is a
-//! distance that it cannot say; all that says that nothing is near is the echo of something farther away. Sources: SJ-PM-TF-Luna
-//! A03 section 5.4, SJ-PM-TFmini-T-01 A03 5.4, SJ-PM-TFmini-S A01 5.4.
+//! distance that it cannot say; all that says that nothing is near is the echo of something farther away. Sources:
+//! SJ-PM-TF-Luna A03 section 5.4, SJ-PM-TFmini-T-01 A03 5.4, SJ-PM-TFmini-S A01 5.4.
 
 use std::time::Duration;
 

@@ -284,8 +284,8 @@ impl XbeeModem {
         }
     }
 
-    /// Returns what is wrong with the module, and was wrong on the air in the last 10 s; the worst first. Why a port is closed is
-    /// not known here.
+    /// Returns what is wrong with the module, and was wrong on the air in the last 10 s; the worst first. Why a port is
+    /// closed is not known here.
     pub fn troubles(&self, now: Time) -> Vec<ModemTrouble> {
         self.trouble()
             .into_iter()

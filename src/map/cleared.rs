@@ -121,6 +121,12 @@ impl BarredCell {
             .filter(move |part| self.parts & (1 << part) != 0)
             .map(move |part| middle + part_offset(part, cell_m))
     }
+
+    /// Returns how far the nearest of these middles is from a point, metres.
+    pub fn distance_m(self, lattice: Lattice, cell: Cell, to: Point) -> f64 {
+        let distances = self.places(lattice, cell).map(|part| part.distance_to(to));
+        distances.fold(f64::INFINITY, f64::min)
+    }
 }
 
 #[cfg(test)]

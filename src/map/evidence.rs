@@ -8,8 +8,8 @@
 //!   that touch half a metre of a straight wall, and leave holes in it.)
 //! - **Near overrules far**: a cell drops out of an arc only when it was seen empty from as near as the echo came, and as a
 //!   thin post is heard. Then the
-//!   echoes that it explained, which are kept, are assigned anew, so what turns out to be empty hands its echoes to what is not.
-//!   Ground seen empty from farther becomes unknown again at an echo that nothing certain explains.
+//!   echoes that it explained, which are kept, are assigned anew, so what turns out to be empty hands its echoes to what is
+//!   not. Ground seen empty from farther becomes unknown again at an echo that nothing certain explains.
 //! - An echo of which the *whole* arc has been seen empty since, from well nearer than it came, is refuted and forgotten: a
 //!   glitch, something that has gone, or a place or heading that was not what it was taken for.
 //! - An assigned cell is *confirmed* when nothing else can have given one of its echoes: few cells were left, it is very
@@ -18,9 +18,10 @@
 //! - Who does not know the place by half a cell sees nothing *from near*: the empty cell may be the one beside.
 //!
 //! Every kept echo holds an occupied cell, so an obstacle is not lost by explaining; at worst it is drawn beside where it
-//! stands. (What answers from afar answers from nearer too, within `sure_range_m`: so nothing that stands is refuted.) The layer has one writer and tiles carry absolute values, so what others hold is simply replaced.
-//! (Hard assignment instead of the shared weights of Moravec and Elfes 1985; the arcs' ambiguity as in Thrun 2003,
-//! *Learning occupancy grid maps with forward sensor models*.)
+//! stands. (What answers from afar answers from nearer too, within `sure_range_m`: so nothing that stands is refuted.) The
+//! layer has one writer and tiles carry absolute values, so what others hold is simply replaced. (Hard assignment instead
+//! of the shared weights of Moravec and Elfes 1985; the arcs' ambiguity as in Thrun 2003, *Learning occupancy grid maps
+//! with forward sensor models*.)
 //!
 //! Not here: glitch filtering (the sensor's business), the reflex stop (the vehicle's).
 

@@ -400,9 +400,9 @@ impl Merged {
         known < heard || (known == heard && ours.hash != theirs.hash)
     }
 
-    /// Returns what to ask for to complete a layer. Of more tiles than a message names it names those from an address on, the least
-    /// following on the greatest, and speaks for what lies between them alone. With it comes where the next one is to begin;
-    /// `None` = it speaks for all.
+    /// Returns what to ask for to complete a layer. Of more tiles than a message names it names those from an address on,
+    /// the least following on the greatest, and speaks for what lies between them alone. With it comes where the next one
+    /// is to begin; `None` = it speaks for all.
     pub fn want(
         &self,
         layer: LayerId,

@@ -163,9 +163,9 @@ impl View<'_> {
         }
     }
 
-    /// Returns whether nobody has seen a cell, as far as that is worth another look. What is unknown because vehicles contradict
-    /// each other is not, where something stands beside it: the deviations of their places move a wall by a cell, and no look
-    /// of one of them makes another say something else.
+    /// Returns whether nobody has seen a cell, as far as that is worth another look. What is unknown because vehicles
+    /// contradict each other is not, where something stands beside it: the deviations of their places move a wall by a
+    /// cell, and no look of one of them makes another say something else.
     #[inline]
     pub fn is_unseen(&self, cell: Cell) -> bool {
         self.occupancy(cell) == Occupancy::Unknown

@@ -1,7 +1,7 @@
 //! What stands between the link to an autopilot and its bytes: commands in the link's terms become messages, what the autopilot
-//! says becomes reports and answers. It decides nothing that the link decides: a command is said once each time that it is told,
-//! and what nobody answers is the link's matter. Of its own it only says what keeps a connection alive: heartbeats, which
-//! messages are wanted, and the target of a drive under way. A pure machine.
+//! says becomes reports and answers. It decides nothing that the link decides: a command is said once each time that it is
+//! told, and what nobody answers is the link's matter. Of its own it only says what keeps a connection alive: heartbeats,
+//! which messages are wanted, and the target of a drive under way. A pure machine.
 //!
 //! ```text
 //!   NumberedCommand ─► orders ─► messages ──────────────► autopilot

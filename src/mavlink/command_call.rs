@@ -1,5 +1,5 @@
-//! A command that is told until it is answered (<https://mavlink.io/en/services/command.html>). A pure machine: said again with a higher
-//! confirmation when no answer comes; one that is under way keeps it waiting.
+//! A command that is told until it is answered (<https://mavlink.io/en/services/command.html>). A pure machine: said again
+//! with a higher confirmation when no answer comes; one that is under way keeps it waiting.
 //!
 //! ```text
 //!   Said ─ no answer for a while ─► Said again …, at most so often ─► Silent

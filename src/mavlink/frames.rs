@@ -100,8 +100,8 @@ impl FrameReader {
         self.dropped.unread_bytes += over as u64;
     }
 
-    /// Returns the next message that is whole; `None` when more bytes are needed. With `signing` those that are not signed rightly
-    /// are dropped.
+    /// Returns the next message that is whole; `None` when more bytes are needed. With `signing` those that are not signed
+    /// rightly are dropped.
     pub fn next(&mut self, mut signing: Option<&mut Signing>) -> Option<Frame> {
         loop {
             let raw = match self.reader.read_any_raw_message::<WireMessage>() {

@@ -1,5 +1,5 @@
-//! The items of a stored mission on the wire: MISSION_ITEM_INT, with places on the earth, and our own items, with places in the local
-//! frame. Commands are those of the dialect; which of them an autopilot carries out is said here once.
+//! The items of a stored mission on the wire: MISSION_ITEM_INT, with places on the earth, and our own items, with places in
+//! the local frame. Commands are those of the dialect; which of them an autopilot carries out is said here once.
 
 #![allow(
     deprecated,
@@ -29,7 +29,8 @@ const TIME_KEPT: Duration = Duration::from_secs(1);
 const SPEED_KEPT_MPS: f64 = 0.01;
 const HEADING_KEPT_RAD: f64 = 0.02;
 
-/// Returns an item as it stands on the wire; its number and whom it is for are not set. `None` = the dialect has no such command.
+/// Returns an item as it stands on the wire; its number and whom it is for are not set. `None` = the dialect has no such
+/// command.
 pub fn to_wire(item: &Item, frame: &EarthFrame) -> Option<MISSION_ITEM_INT_DATA> {
     let base = |command| MISSION_ITEM_INT_DATA {
         command,

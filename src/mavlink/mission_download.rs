@@ -1,5 +1,5 @@
-//! The download of a stored mission (<https://mavlink.io/en/services/mission.html>): how many items there are, then one after the other,
-//! each asked for again until it comes.
+//! The download of a stored mission (<https://mavlink.io/en/services/mission.html>): how many items there are, then one
+//! after the other, each asked for again until it comes.
 //!
 //! ```text
 //!   Counting ─ how many there are ─► Asking(item) … ─ the last ─► whole

@@ -1,5 +1,5 @@
-//! The upload of a mission, both sides of it (<https://mavlink.io/en/services/mission.html>). The receiver asks for one item after the
-//! other, and asks again; the sender answers whatever is asked, and ends when the receiver has judged.
+//! The upload of a mission, both sides of it (<https://mavlink.io/en/services/mission.html>). The receiver asks for one
+//! item after the other, and asks again; the sender answers whatever is asked, and ends when the receiver has judged.
 //!
 //! ```text
 //!   sender:    Announcing ─ asked for an item ─► Answering ─ judged ─► over
@@ -298,7 +298,8 @@ mod tests {
         (0..count).map(item).collect()
     }
 
-    /// Sends so many items over a link with 10 ms of delay that loses some messages; returns the end, what was received and when.
+    /// Sends so many items over a link with 10 ms of delay that loses some messages; returns the end, what was received and
+    /// when.
     fn upload(count: usize, is_lost: impl Fn(usize) -> bool) -> (Option<UploadEnd>, Vec<i32>, f64) {
         let mut out = Vec::new();
         let mut sender = MissionSender::begin(Time::ZERO, RECEIVER, items(count), &mut out);

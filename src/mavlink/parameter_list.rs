@@ -1,5 +1,5 @@
-//! Reading all parameters of an autopilot (<https://mavlink.io/en/services/parameter.html>): it is asked for the list, and when it has
-//! fallen silent for every value that was lost. A pure machine.
+//! Reading all parameters of an autopilot (<https://mavlink.io/en/services/parameter.html>): it is asked for the list, and
+//! when it has fallen silent for every value that was lost. A pure machine.
 //!
 //! ```text
 //!   Listing ─ silent for a while ─► Filling (a few that are missing at a time) ─ all there ─► over

@@ -1,5 +1,6 @@
-//! Reading some parameters by their names (<https://mavlink.io/en/services/parameter.html>). An autopilot says nothing of a name that
-//! it has not, so one that stays unanswered is asked for a few times and then left, until it is asked for anew. A pure machine.
+//! Reading some parameters by their names (<https://mavlink.io/en/services/parameter.html>). An autopilot says nothing of a
+//! name that it has not, so one that stays unanswered is asked for a few times and then left, until it is asked for anew. A
+//! pure machine.
 //!
 //! ```text
 //!   Asking (all that are left, again and again) ─ all answered, or asked often enough ─► over

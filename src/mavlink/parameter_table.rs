@@ -1,5 +1,5 @@
-//! The parameters that a vehicle shows to clients: listed, read and set by name (<https://mavlink.io/en/services/parameter.html>). What a
-//! value changes is not known here.
+//! The parameters that a vehicle shows to clients: listed, read and set by name
+//! (<https://mavlink.io/en/services/parameter.html>). What a value changes is not known here.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -84,8 +84,8 @@ impl ParameterTable {
         (index < self.all.len()).then(|| self.value(index, index as u16))
     }
 
-    /// Gives a parameter a value and returns what it is then; `None` when there is none of that name. One that is no number is not
-    /// taken.
+    /// Gives a parameter a value and returns what it is then; `None` when there is none of that name. One that is no number
+    /// is not taken.
     pub fn set(&mut self, name: &str, value: f32) -> Option<MavMessage> {
         let index = self.index_of(name)?;
         if value.is_finite() {

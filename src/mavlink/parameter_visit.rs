@@ -1,6 +1,6 @@
-//! One visit to an autopilot for its parameters (<https://mavlink.io/en/services/parameter.html>): all are read, some are set, and
-//! what the autopilot answers is what counts. It says no heartbeat: a ground station that is heard and then leaves would trip the
-//! autopilot's failsafe. A pure machine.
+//! One visit to an autopilot for its parameters (<https://mavlink.io/en/services/parameter.html>): all are read, some are
+//! set, and what the autopilot answers is what counts. It says no heartbeat: a ground station that is heard and then leaves
+//! would trip the autopilot's failsafe. A pure machine.
 //!
 //! ```text
 //!   Listing ─ all there, and an ArduPilot was heard ─► Setting (one after the other) ─► over

@@ -1,6 +1,6 @@
-//! Signatures of MAVLink 2 frames (<https://mavlink.io/en/guide/message_signing.html>): with a secret key that both sides know, over a
-//! time that never goes back. The clock is an argument: a Raspberry Pi has none that survives a night, so what was said last is
-//! stored, and the time is the larger of both.
+//! Signatures of MAVLink 2 frames (<https://mavlink.io/en/guide/message_signing.html>): with a secret key that both sides
+//! know, over a time that never goes back. The clock is an argument: a Raspberry Pi has none that survives a night, so what
+//! was said last is stored, and the time is the larger of both.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

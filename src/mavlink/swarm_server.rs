@@ -1,7 +1,7 @@
-//! The swarm as ground stations see it over MAVLink: every vehicle that is heard is shown as an autopilot with its own number as
-//! system id, and commands become orders for an operator, if that is allowed. A pure machine: it is told what vehicles have said of
-//! themselves, what bytes came, how orders have ended and what time it is; it says bytes and the orders that are wanted. It decides
-//! nothing for a vehicle, and knows neither sockets nor the bus.
+//! The swarm as ground stations see it over MAVLink: every vehicle that is heard is shown as an autopilot with its own
+//! number as system id, and commands become orders for an operator, if that is allowed. A pure machine: it is told what
+//! vehicles have said of themselves, what bytes came, how orders have ended and what time it is; it says bytes and the
+//! orders that are wanted. It decides nothing for a vehicle, and knows neither sockets nor the bus.
 //!
 //! ```text
 //!   states ─► due ─► heartbeats, streams, texts ─────────────────► bytes

@@ -1,5 +1,5 @@
-//! What is known of a vehicle, as the messages of an autopilot: for whoever shows vehicles to ground stations. Pure values in, messages
-//! out; how often they are said is not known here.
+//! What is known of a vehicle, as the messages of an autopilot: for whoever shows vehicles to ground stations. Pure values
+//! in, messages out; how often they are said is not known here.
 
 use super::dialect::{self as d, GpsFixType, MavMessage, MavProtocolCapability, MissionState};
 use super::earth_frame::EarthFrame;

@@ -1,6 +1,6 @@
-//! All messages that are read and written: those of the dialect, and the one of ArduPilot's own that is needed, the state of its
-//! estimator (EKF_STATUS_REPORT, <https://mavlink.io/en/messages/ardupilotmega.html#EKF_STATUS_REPORT>). Its flags are those of
-//! ESTIMATOR_STATUS.
+//! All messages that are read and written: those of the dialect, and the one of ArduPilot's own that is needed, the state
+//! of its estimator (EKF_STATUS_REPORT, <https://mavlink.io/en/messages/ardupilotmega.html#EKF_STATUS_REPORT>). Its flags
+//! are those of ESTIMATOR_STATUS.
 
 use mavlink::error::ParserError;
 use mavlink::{MavlinkVersion, Message};

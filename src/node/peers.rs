@@ -333,8 +333,8 @@ pub(super) fn join_states(unread: State, newer: State) -> State {
     }
 }
 
-/// Returns whether a vehicle moves by somebody else's will, whatever stands against it here. One whose autopilot has fallen silent
-/// meanwhile may be steered still.
+/// Returns whether a vehicle moves by somebody else's will, whatever stands against it here. One whose autopilot has fallen
+/// silent meanwhile may be steered still.
 fn is_steered(state: &State) -> bool {
     let is_ours = state.control == Control::Ours || state.leg.is_some();
     !is_ours && (state.mode.moves() || !state.is_at_rest)
@@ -365,8 +365,8 @@ fn edition(state: &State) -> (Boot, u64) {
 }
 
 /// Returns whether a route keeps its distance from what a peer claims, a track that begins where the peer is, or at least leads
-/// away from it: from a vehicle that is too near already, to farther away, and nowhere nearer to the claim or to the peer itself,
-/// which may be at the other end of it.
+/// away from it: from a vehicle that is too near already, to farther away, and nowhere nearer to the claim or to the peer
+/// itself, which may be at the other end of it.
 pub(super) fn keeps_clear(from: Point, route: &Track, claim: &Track, separation_m: f64) -> bool {
     let nearest_m = route.distance_to(claim);
     if nearest_m >= separation_m {

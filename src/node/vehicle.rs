@@ -1,14 +1,13 @@
 //! The vehicle actor: the last word before the autopilot, and the first to know where the vehicle is.
 //!
-//! It is told telemetry, who steers, scans, commands of the mission, orders, the peers' states and what the disk has. It says what
-//! the autopilot is to do, its own `State`, what is to be remembered, orders that are obeyed, and events. It checks every command against the envelope
-//! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
-//! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
-//! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead, and on plan for a peer
-//! that somebody else steers. It has the
-//! *reflex*: a scan nearer than the stopping distance halts the
-//! vehicle without map, plan or network. It stops as soon as it no longer knows where it is. It does not plan and does not
-//! know the map.
+//! It is told telemetry, who steers, scans, commands of the mission, orders, the peers' states and what the disk has. It
+//! says what the autopilot is to do, its own `State`, what is to be remembered, orders that are obeyed, and events. It
+//! checks every command against the envelope (a fresh and certain pose, a finite route that begins here, the fence, the
+//! peers, what made the reflex halt) and always drives at the configured speed. It judges the age of orders and of
+//! commands. Off plan, where no order of precedence protects it, it also yields: it stops as soon as a peer that moves
+//! claims what lies ahead, and on plan for a peer that somebody else steers. It has the *reflex*: a scan nearer than the
+//! stopping distance halts the vehicle without map, plan or network. It stops as soon as it no longer knows where it is. It
+//! does not plan and does not know the map.
 //!
 //! Orders to stop are enforced here, not by the mission: an order to hold, to land or to return brakes at once, what the
 //! mission had decided before it is not driven any more, and nothing is driven while an order to hold or to land stands.
@@ -229,8 +228,8 @@ impl Vehicle {
         self.reports.publish_next();
     }
 
-    /// Does what a person beside the vehicle wants by the switch of the remote control: it stands at once, or goes home if nothing
-    /// else holds it back. It moves on by a later start alone.
+    /// Does what a person beside the vehicle wants by the switch of the remote control: it stands at once, or goes home if
+    /// nothing else holds it back. It moves on by a later start alone.
     fn switch(&mut self, now: Time, switch: RemoteSwitch, out: &mut Vec<Out>) {
         self.stop(now, out);
         out.push(Out::SafetyEvent(SafetyEvent::Switched(switch)));

@@ -1,7 +1,7 @@
 //! The marks that an operator has given, and which of them are still to be said: each every 200 ms until the ground station
 //! says the same, which is when it has stored it, or until its time is up. A mark without a run is one of the ground station's
-//! present run, or of its last one; one in a run above all that it knows is refused, and so said only when it was heard. It knows
-//! no lease: a mark moves nobody.
+//! present run, or of its last one; one in a run above all that it knows is refused, and so said only when it was heard. It
+//! knows no lease: a mark moves nobody.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,11 +1,11 @@
 //! The operator actor: it hears the bus, keeps its view of the fleet, and brings about what is wanted.
 //!
 //! It is told what came over the bus, whether anyone can be reached, what is wanted by hand, a script to follow, and that a
-//! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until Report and Mission show them, and its
-//! greeting, every 2 s, or every second while it holds a lease; marks, every 200 ms until the ground says that they are stored; and
-//! how wants, marks and the script ended.
-//! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
-//! State. It names a wanted emergency stop and hands it to the keeper of the stops ([`super::stopping`]).
+//! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until Report and Mission show them,
+//! and its greeting, every 2 s, or every second while it holds a lease; marks, every 200 ms until the ground says that they
+//! are stored; and how wants, marks and the script ended. It draws nothing (its holder id is given), decides nothing for a
+//! vehicle, and hears no answers: what it waits for is State. It names a wanted emergency stop and hands it to the keeper
+//! of the stops ([`super::stopping`]).
 //!
 //! ```text
 //!           Want                    every State shows it, by hand

@@ -10,10 +10,10 @@
 //! ```
 //!
 //! **By whose right.** The greatest lease that a State echoes or a live ground station's Report holds; where nobody holds
-//! one, number 2 with an own holder: a ground station, heard or not, may be taking 1. With `take_over` the number after it with an own holder. The revision is the
-//! vehicle's echo + 1 within that lease, 1 in another one. To start or to return waits for a Report, or 1.5 s, so that the
-//! ground's lease is known; what makes a vehicle stop waits for nothing but its State. Nothing is sent to a vehicle that was
-//! not heard: it obeys only what is above its echo.
+//! one, number 2 with an own holder: a ground station, heard or not, may be taking 1. With `take_over` the number after it
+//! with an own holder. The revision is the vehicle's echo + 1 within that lease, 1 in another one. To start or to return
+//! waits for a Report, or 1.5 s, so that the ground's lease is known; what makes a vehicle stop waits for nothing but its
+//! State. Nothing is sent to a vehicle that was not heard: it obeys only what is above its echo.
 //!
 //! **Emergency stops.** Under an open stop a vehicle obeys neither Start nor Return. A start names the stops that are known to
 //! be open when it is first sent, and lifts them; it does not lift later ones. It waits until every vehicle has
@@ -68,8 +68,8 @@ const REPEAT: Duration = Duration::from_millis(100);
 const LISTEN: Duration = Duration::from_millis(1500);
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
-/// The number of the lease that an operator takes when nobody holds one. A ground station may take number 1 in that very moment,
-/// also one that was not heard yet.
+/// The number of the lease that an operator takes when nobody holds one. A ground station may take number 1 in that very
+/// moment, also one that was not heard yet.
 pub(super) const FIRST_LEASE: u32 = 2;
 /// The last revision that may be given; one more is refused by everyone.
 const LAST_REVISION: u32 = u32::MAX - 1;

@@ -106,8 +106,8 @@ pub fn is_go(nodes: &[NodeChecks]) -> bool {
             .all(|check| check.light != CheckStatus::NoGo)
 }
 
-/// Judges the order that stands. Who was told to come home or down has done so when it is at its home, which is checked for itself:
-/// the start that is to follow lifts it.
+/// Judges the order that stands. Who was told to come home or down has done so when it is at its home, which is checked for
+/// itself: the start that is to follow lifts it.
 fn standing(report: &GroundReport) -> (bool, String) {
     let Some(kind) = report.in_force else {
         return (true, "nothing".to_owned());
@@ -306,8 +306,8 @@ fn hearing(id: VehicleId, health: &Health, needs: &Requirements) -> (bool, Strin
     (missing.is_empty(), found)
 }
 
-/// The autopilot's failsafes, as far as it says what it does. Those for its battery, its companion's silence and its fence must be
-/// on, and keep it where it is: home in a straight line leads through walls. The others are named.
+/// The autopilot's failsafes, as far as it says what it does. Those for its battery, its companion's silence and its fence
+/// must be on, and keep it where it is: home in a straight line leads through walls. The others are named.
 fn failsafes(health: Option<&Health>) -> Check {
     let autopilot = health.and_then(|health| health.autopilot.as_ref());
     let failsafes: Failsafes = autopilot

@@ -19,8 +19,8 @@ pub struct Component {
 
 impl Component {
     /// Finds all cells that can be reached from a start by ways that cut no corners; of the rules only the escape is heeded: a
-    /// start too near to something may be left over what is too near as well. None can be reached from a start that is barred or
-    /// outside.
+    /// start too near to something may be left over what is too near as well. None can be reached from a start that is
+    /// barred or outside.
     pub fn around(grid: &SearchGrid, start: Cell, rules: &Rules) -> Component {
         debug_assert!(!rules.cut_corners);
         let (width, height) = grid.size();

@@ -97,8 +97,8 @@ impl Contact {
 impl Corridor {
     /// Judges a route from where the vehicle stands (`from`: the nearest place on the route counts, the earliest
     /// on a tie). What lies behind is not judged. A cell already nearer than the half-width holds the vehicle only
-    /// where it would come nearer still by more than half a cell: who stands too close to something may always move away. (Being off the
-    /// route by up to one cell is driving error; coming back to the route is then not judged.)
+    /// where it would come nearer still by more than half a cell: who stands too close to something may always move away.
+    /// (Being off the route by up to one cell is driving error; coming back to the route is then not judged.)
     ///
     /// An empty route, or one that is not finite, releases nothing.
     pub fn released(&self, view: &View<'_>, route: &[Point], from: Point) -> Release {

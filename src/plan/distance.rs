@@ -65,7 +65,8 @@ impl Distances {
     }
 
     /// Returns the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
-    /// `None` where no way leads: that is a proof when all was searched. Ways here are those that [`super::shortest_cells`] finds.
+    /// `None` where no way leads: that is a proof when all was searched. Ways here are those that [`super::shortest_cells`]
+    /// finds.
     #[inline]
     pub fn cost_m(&self, cell: Cell) -> Option<f64> {
         let cost_cells = self

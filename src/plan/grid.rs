@@ -98,7 +98,8 @@ impl SearchGrid {
 
     /// Copies a rectangle of the map's cells, with nodes closer together than these, for a vehicle that keeps these
     /// distances from the parts of the cells that `bars` says bar, asked for the reason, and `stands` somewhere: what it is
-    /// too near to already it may leave. A doorway is then as wide as it was seen; it takes several times as long as [`SearchGrid::of_map`].
+    /// too near to already it may leave. A doorway is then as wide as it was seen; it takes several times as long as
+    /// [`SearchGrid::of_map`].
     ///
     /// # Errors
     /// [`GridError`] when the rectangle is too large or the distances impossible.

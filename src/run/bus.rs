@@ -10,9 +10,10 @@
 //! Every frame travels with its CRC-32 beside it (zenoh's attachment, 4 bytes, little endian): TCP's own checksum lets damage
 //! through, and what is damaged may read as another message. A frame without one is read as it is.
 //!
-//! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`), the roster has changed or a
-//! thread of the library has panicked, and sends what has waited. Another one asks the library to whom there are links (`bus/links.rs`). The library
-//! is never called with a lock of ours held: it may call us, or wait, with locks of its own.
+//! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`), the roster has
+//! changed or a thread of the library has panicked, and sends what has waited. Another one asks the library to whom there
+//! are links (`bus/links.rs`). The library is never called with a lock of ours held: it may call us, or wait, with locks of
+//! its own.
 
 mod hearing;
 mod library_panics;

@@ -110,8 +110,8 @@ pub struct GroundFiles<'a> {
     pub venue_text: &'a str,
 }
 
-/// Runs the ground station until it is asked to stop or cannot go on. `mavlink` shows the swarm beside it; what is wrong there is
-/// a trouble of the ground station's. `status` is called once a second.
+/// Runs the ground station until it is asked to stop or cannot go on. `mavlink` shows the swarm beside it; what is wrong
+/// there is a trouble of the ground station's. `status` is called once a second.
 ///
 /// # Errors
 /// It cannot begin.

@@ -6,8 +6,8 @@
 //! one need not wake it. At a *shared* mailbox whoever tells the
 //! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
 //! a tile. It does so a few times at most: what others go on telling is left to the actor's thread, or a flood on one link
-//! would keep the thread that has another link to read. It keeps the actor contract by [`ActorCell`], as the simulator does. What the actor says goes to a closure;
-//! nothing here knows who hears whom.
+//! would keep the thread that has another link to read. It keeps the actor contract by [`ActorCell`], as the simulator
+//! does. What the actor says goes to a closure; nothing here knows who hears whom.
 //!
 //! ```text
 //!   tell ─► inbox ─► thread: cell.act(now) ─► output

@@ -1,5 +1,5 @@
-//! Simulated vehicles at sockets: the fleet that shows them over MAVLink and those who are connected. Whoever owns the environment and
-//! its time hands both in.
+//! Simulated vehicles at sockets: the fleet that shows them over MAVLink and those who are connected. Whoever owns the
+//! environment and its time hands both in.
 
 use std::io;
 use std::net::SocketAddr;

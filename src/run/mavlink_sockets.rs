@@ -1,5 +1,5 @@
-//! Sockets at which clients of MAVLink are served: who comes, what bytes they say and that they are gone is told to whoever owns the
-//! vehicles; what is to go out is handed back. What bytes mean is not known here.
+//! Sockets at which clients of MAVLink are served: who comes, what bytes they say and that they are gone is told to whoever
+//! owns the vehicles; what is to go out is handed back. What bytes mean is not known here.
 //!
 //! ```text
 //!   TCP: one connection = one client          ┌─► Joined, Bytes, Left ─► owner
@@ -7,8 +7,8 @@
 //!                                             └◄─ send(client, bytes) ─── owner
 //! ```
 //!
-//! A client that does not read loses what does not fit into its queue, and is ended when it takes nothing for [`WRITE_WITHIN`]; one of
-//! UDP is gone when it was not heard for [`SILENT`].
+//! A client that does not read loses what does not fit into its queue, and is ended when it takes nothing for
+//! [`WRITE_WITHIN`]; one of UDP is gone when it was not heard for [`SILENT`].
 
 use std::collections::BTreeMap;
 use std::io;

@@ -1,5 +1,5 @@
-//! `tomoswarm mock-autopilot`: simulated vehicles behind MAVLink, on real time or faster. It brings an environment and its port together;
-//! what is said is decided by [`crate::sim::mavlink_vehicle`].
+//! `tomoswarm mock-autopilot`: simulated vehicles behind MAVLink, on real time or faster. It brings an environment and its
+//! port together; what is said is decided by [`crate::sim::mavlink_vehicle`].
 
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};

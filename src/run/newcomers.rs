@@ -1,5 +1,6 @@
-//! Which operators have come lately and must be told what was said once, before they came. Each is told when its first greeting is
-//! heard, and once more at a later one: a link that has just come up may carry greetings before it carries answers. Bounded.
+//! Which operators have come lately and must be told what was said once, before they came. Each is told when its first
+//! greeting is heard, and once more at a later one: a link that has just come up may carry greetings before it carries
+//! answers. Bounded.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};

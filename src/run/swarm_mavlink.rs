@@ -1,6 +1,6 @@
-//! The swarm at a socket of MAVLink: an operator of its own on the bus, on a thread of its own, beside whatever else its process does.
-//! It carries states to the server, bytes between server and socket, and orders to the operator; what they mean is not known here
-//! ([`crate::mavlink::swarm_server`]).
+//! The swarm at a socket of MAVLink: an operator of its own on the bus, on a thread of its own, beside whatever else its
+//! process does. It carries states to the server, bytes between server and socket, and orders to the operator; what they
+//! mean is not known here ([`crate::mavlink::swarm_server`]).
 //!
 //! ```text
 //!   bus ─► operator ─view─► server ◄─bytes─► socket

@@ -124,8 +124,8 @@ impl WorldStopper {
 }
 
 impl WorldServer {
-    /// Begins the world of a scenario. Port 0 takes a free one. With a port for MAVLink all vehicles are just switched on; with a
-    /// folder each has a radio at a pseudo-terminal in it.
+    /// Begins the world of a scenario. Port 0 takes a free one. With a port for MAVLink all vehicles are just switched on;
+    /// with a folder each has a radio at a pseudo-terminal in it.
     ///
     /// # Errors
     /// [`WorldError`].

@@ -1,8 +1,8 @@
 //! What the scene takes from a radio link, in dB: the exact average over the link's Fresnel zone.
 //!
-//! No path loss, no fading and no noise: those belong to the simulated radio. With s along a link of length d, h across it (left is positive) and
-//! r(s) = ½ √(λ s (d−s)/d), the offset of the wave from the line is taken as normal with deviation r. A solid's
-//! share is then, by Green's theorem, A = α · Σ over its counter-clockwise edges of −∫ Φ(h/r) ds. Every
+//! No path loss, no fading and no noise: those belong to the simulated radio. With s along a link of length d, h across it
+//! (left is positive) and r(s) = ½ √(λ s (d−s)/d), the offset of the wave from the line is taken as normal with deviation
+//! r. A solid's share is then, by Green's theorem, A = α · Σ over its counter-clockwise edges of −∫ Φ(h/r) ds. Every
 //! connected solid saturates at about 30 dB, because energy leaks around it.
 
 use std::collections::BTreeMap;

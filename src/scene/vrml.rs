@@ -1,8 +1,8 @@
 //! Reads VRML97 scenes: the shapes of a `.wrl` file, placed in the local frame.
 //!
 //! Understood: Transform, Group, Collision (as Group), Inline, DEF/USE, and Shape with IndexedFaceSet, Box,
-//! Cylinder, Cone, Sphere, ElevationGrid or Extrusion. Everything else is skipped, with one warning per node type. Colours, lights,
-//! scripts and prototypes mean nothing here. Opens no file: the text comes in, and Inline asks a loader.
+//! Cylinder, Cone, Sphere, ElevationGrid or Extrusion. Everything else is skipped, with one warning per node type. Colours,
+//! lights, scripts and prototypes mean nothing here. Opens no file: the text comes in, and Inline asks a loader.
 //!
 //! Input is not trusted: nesting, size and the number of instances are limited, and whatever is refused is
 //! refused with file, line and reason.

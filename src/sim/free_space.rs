@@ -23,8 +23,8 @@ const EDGE_M: f64 = 1e5;
 const ROVER: (f64, f64) = (2.0, 2.0);
 const COPTER: (f64, f64) = (5.0, 2.5);
 
-/// Makes a world of so many vehicles that stand in rows, switched on and disarmed; vehicle 1 stands at the origin. The same seed
-/// gives the same errors of their places.
+/// Makes a world of so many vehicles that stand in rows, switched on and disarmed; vehicle 1 stands at the origin. The same
+/// seed gives the same errors of their places.
 ///
 /// # Errors
 /// There are too many vehicles.

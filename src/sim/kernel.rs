@@ -1,5 +1,5 @@
-//! The discrete-event kernel: pops the earliest of what is to happen, tells whom it concerns, and hands on what they want done, to
-//! the environment, to the network or to a disk. One thread, virtual time; the same scenario and seed give the same run.
+//! The discrete-event kernel: pops the earliest event, tells whom it concerns, and hands on what they want done, to the
+//! environment, to the network or to a disk. One thread, virtual time; same scenario and seed, same run.
 //!
 //! ```text
 //!   schedule ─► wake │ what happens in the environment │ delivery │ fault ─► node.tell / node.wake ─► effects
@@ -7,7 +7,7 @@
 //!     └───────────── environment, network ◄─────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! It holds no state of a node and none of the bus ([`nodes`], [`network`]), and judges nothing: when a run is over the judge says.
+//! It holds no state of a node and none of the bus ([`nodes`], [`network`]); when a run is over the judge says.
 
 mod alarm;
 mod network;

@@ -1,6 +1,6 @@
-//! Simulated vehicles behind links of bytes: each endpoint shows one vehicle or several, to any number of clients. Pure: it is told
-//! who has come, what bytes they said and what time it is, and says what bytes go to whom. Nothing a client says stops it:
-//! what is no frame is passed over, and what is not read in time is dropped.
+//! Simulated vehicles behind links of bytes: each endpoint shows one vehicle or several, to any number of clients. Pure: it
+//! is told who has come, what bytes they said and what time it is, and says what bytes go to whom. Nothing a client says
+//! stops it: what is no frame is passed over, and what is not read in time is dropped.
 //!
 //! ```text
 //!   bytes ─► reader (one a client) ─► messages ─► vehicles of its endpoint ─► messages ─► writer (client, vehicle) ─► bytes

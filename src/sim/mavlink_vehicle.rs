@@ -1,6 +1,6 @@
-//! A simulated vehicle as its autopilot shows it over MAVLink: what clients say becomes its commands, what it knows of itself their
-//! messages. It behaves like ArduPilot's where a client would notice. Pure: it is told what came and what time it is, and says
-//! what goes out; bytes are [`super::mavlink_fleet`]'s matter.
+//! A simulated vehicle as its autopilot shows it over MAVLink: what clients say becomes its commands, what it knows of
+//! itself their messages. It behaves like ArduPilot's where a client would notice. Pure: it is told what came and what time
+//! it is, and says what goes out; bytes are [`super::mavlink_fleet`]'s matter.
 //!
 //! ```text
 //!   message ─► hear ─► commands, missions, parameters, streams ─► flown vehicle (environment)
@@ -8,8 +8,8 @@
 //!   messages ◄─ due ◄─ heartbeat, streams, telemetry, texts
 //! ```
 //!
-//! Deliberately simple: values of parameters are kept and given back, and only those of failsafes and speeds change what it does;
-//! there are no files, logs, fences, rally points or gimbals: who asks is told so.
+//! Deliberately simple: values of parameters are kept and given back, and only those of failsafes and speeds change what it
+//! does; there are no files, logs, fences, rally points or gimbals: who asks is told so.
 
 #![allow(
     deprecated,
@@ -100,7 +100,8 @@ impl MavlinkVehicle {
         self.address
     }
 
-    /// Gives a parameter a value, and does what follows from it; returns what it is then, `None` when there is none of that name.
+    /// Gives a parameter a value, and does what follows from it; returns what it is then, `None` when there is none of that
+    /// name.
     pub fn set_parameter(
         &mut self,
         now: Time,

@@ -1,5 +1,5 @@
-//! For how long in a sweep no beacon was heard between any two vehicles: a sweep in which radios fall silent is driven to its end,
-//! and shows less than it seems to. It only looks at what the ground station was sent, and judges nothing.
+//! For how long in a sweep no beacon was heard between any two vehicles: a sweep in which radios fall silent is driven to
+//! its end, and shows less than it seems to. It only looks at what the ground station was sent, and judges nothing.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -107,8 +107,8 @@ impl SweepTimes {
         self.spans.iter_mut().find(|span| span.run == run)
     }
 
-    /// Returns the silences of all sweeps that are longer than [`QUIET`], in order; a sweep that was not closed was driven until
-    /// `ended`.
+    /// Returns the silences of all sweeps that are longer than [`QUIET`], in order; a sweep that was not closed was driven
+    /// until `ended`.
     pub(super) fn silences(&self, ended: Time, heard: &HeardSeconds) -> Vec<Silence> {
         let of_span = |(index, span): (usize, &SweepSpan)| {
             let next = self.spans.get(index + 1).map_or(ended, |next| next.from);

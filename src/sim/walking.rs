@@ -1,7 +1,8 @@
 //! Persons of a scene who walk: where they are at a moment, and the world with them there.
 //!
-//! A walk leads from the person's place along its path and the same way back, again and again, at one speed, from the beginning of
-//! virtual time on; so where somebody is follows from the moment alone. Nothing is put into the world here, and nobody evades.
+//! A walk leads from the person's place along its path and the same way back, again and again, at one speed, from the
+//! beginning of virtual time on; so where somebody is follows from the moment alone. Nothing is put into the world here,
+//! and nobody evades.
 
 use super::staging;
 use super::world::WorldContents;

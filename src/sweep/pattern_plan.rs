@@ -39,7 +39,8 @@ pub struct PatternRequest {
 /// Plans a pattern, from where the vehicles stand; each round is a lap.
 ///
 /// # Errors
-/// Not two vehicles, more stops than a plan has, no round left, an area without an inside, or a lattice too narrow for the separation.
+/// Not two vehicles, more stops than a plan has, no round left, an area without an inside, or a lattice too narrow for the
+/// separation.
 pub fn pattern_sweep(
     pattern: &Pattern,
     request: &PatternRequest,

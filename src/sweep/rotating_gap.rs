@@ -3,10 +3,10 @@
 //!
 //! A lap at gap g never crosses the area inside its caustic, so the gaps are varied from the full half
 //! ring downward and up again. Two vehicles on 76 positions use gaps of 38, 36, 33, 30, 26, 22, 35 and
-//! 28 steps: with approach and shifts 680 steps, 25 minutes at 0.48 m/s around 20 m × 20 m. More vehicles start evenly spaced; in lap j the
-//! k-th is k·s_j steps nearer to the rearmost, s = 0, 2, 5, 8, 12, 16, 3, 10 (the same numbers that
-//! give two vehicles their gaps), as far as they stay 4 steps apart. Since every lap then brings N − 1
-//! different gaps, fewer laps do: 8, 7, 7, 6, 5, 4, 4 for 2 to 8 vehicles ([`default_laps`]).
+//! 28 steps: with approach and shifts 680 steps, 25 minutes at 0.48 m/s around 20 m × 20 m. More vehicles start evenly
+//! spaced; in lap j the k-th is k·s_j steps nearer to the rearmost, s = 0, 2, 5, 8, 12, 16, 3, 10 (the same numbers that
+//! give two vehicles their gaps), as far as they stay 4 steps apart. Since every lap then brings N − 1 different gaps,
+//! fewer laps do: 8, 7, 7, 6, 5, 4, 4 for 2 to 8 vehicles ([`default_laps`]).
 //!
 //! **Precedence.** (a) Every step waits until the vehicle ahead is at least 4 steps ahead of where it
 //! leads; (b) within a lap, stop i waits until all others have done their stop i − 2, so that gaps hold

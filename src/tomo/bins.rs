@@ -224,10 +224,10 @@ impl LinkBins {
         (self.links_without(found.as_ref()), found)
     }
 
-    /// Returns the links of a run and those of the empty one that it is compared with, without what radios differ by, and by how
-    /// much these do. That is found from both together: each alone knows its radios against those that took part in it only,
-    /// and the difference of what two fleets have in common would show as a change everywhere. Where one of them does not say
-    /// who measured a link, all are taken as they were measured.
+    /// Returns the links of a run and those of the empty one that it is compared with, without what radios differ by, and
+    /// by how much these do. That is found from both together: each alone knows its radios against those that took part in
+    /// it only, and the difference of what two fleets have in common would show as a change everywhere. Where one of them
+    /// does not say who measured a link, all are taken as they were measured.
     pub fn links_against(&self, empty: &LinkBins) -> (Vec<Link>, Vec<Link>, Option<DeviceOffsets>) {
         let both = self.all_heard().chain(empty.all_heard());
         let is_known = both.clone().flatten().all(|heard| heard.devices.is_some());

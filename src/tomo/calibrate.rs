@@ -1,9 +1,10 @@
 //! From signal strengths to attenuations: by an empty sweep where there is one, by a fitted path loss otherwise.
 //!
-//! What a link had in the empty sweep is kriged from its neighbours there ([`super::kriging`]) where ends were driven, as no two
-//! sweeps drive the same places; fixed ends are the same again, and there a link has its partner. Where an image of the empty
-//! sweep is known, what it explains is taken out of the neighbours and put back for the link (regression kriging, Odeh et al.
-//! 1995): behind a wall the loss depends much on where the ends are, and a mean of neighbours would be of another place.
+//! What a link had in the empty sweep is kriged from its neighbours there ([`super::kriging`]) where ends were driven, as
+//! no two sweeps drive the same places; fixed ends are the same again, and there a link has its partner. Where an image of
+//! the empty sweep is known, what it explains is taken out of the neighbours and put back for the link (regression kriging,
+//! Odeh et al. 1995): behind a wall the loss depends much on where the ends are, and a mean of neighbours would be of
+//! another place.
 //!
 //! Every link that is not used is counted with its reason. Nothing is imaged here.
 

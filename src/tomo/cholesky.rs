@@ -1,5 +1,5 @@
-//! The Cholesky factor of a symmetric positive definite matrix, A = L Lᵀ, which grows row by row. The order of sums is fixed, so
-//! that results are the same on every machine.
+//! The Cholesky factor of a symmetric positive definite matrix, A = L Lᵀ, which grows row by row. The order of sums is
+//! fixed, so that results are the same on every machine.
 
 /// The lower triangle L of the rows so far.
 #[derive(Clone, Debug, Default)]

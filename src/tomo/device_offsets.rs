@@ -1,5 +1,5 @@
-//! By how much radios send and hear more or less strongly than others of the same make, found from squares that several pairs of
-//! them have measured: there they differ by the radios alone, whatever stands between.
+//! By how much radios send and hear more or less strongly than others of the same make, found from squares that several
+//! pairs of them have measured: there they differ by the radios alone, whatever stands between.
 //!
 //! ```text
 //!   m_bp = µ_b + t_i + r_j + noise        bin b, packets from i to j; w_bp = n/(1 + n/4), n packets

@@ -78,8 +78,8 @@ pub struct Find {
     /// Gain of the logarithm of the likelihood by this person, divided by how much the links' noise goes together, with the
     /// logarithm of how likely the place is for what stood there in the empty sweep.
     pub evidence: f64,
-    /// Probability that an image of nobody shows no place as strong as this one; within what was solid, where evidence is lowered,
-    /// at least that.
+    /// Probability that an image of nobody shows no place as strong as this one; within what was solid, where evidence is
+    /// lowered, at least that.
     pub probability: f64,
 }
 
@@ -197,9 +197,9 @@ struct Judged {
     evidence: f64,
 }
 
-/// Finds persons by calibrated links. They are sought only within what the links enclose, however large the area is: beyond it no link says anything,
-/// and the mean of what links say would be that of places where they say nothing. `None` when there is no place to search, no
-/// link, or nothing that tells one place from another.
+/// Finds persons by calibrated links. They are sought only within what the links enclose, however large the area is: beyond
+/// it no link says anything, and the mean of what links say would be that of places where they say nothing. `None` when
+/// there is no place to search, no link, or nothing that tells one place from another.
 pub(super) fn find_persons(
     observations: &[Observation],
     SearchedGround {

@@ -1,5 +1,5 @@
-//! What an image says of the links it was made of, and what these say of it: how much each leaves unexplained, which pixels they
-//! have seen, from which directions, and how sure that makes the image.
+//! What an image says of the links it was made of, and what these say of it: how much each leaves unexplained, which pixels
+//! they have seen, from which directions, and how sure that makes the image.
 //!
 //! Nothing is calibrated or solved here.
 

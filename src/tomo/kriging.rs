@@ -2,8 +2,8 @@
 //!
 //! A place is both ends of a link, four coordinates; every link of the empty sweep is entered in both orders, as it is the same
 //! from either end. What is interpolated is the level, the strength without the spreading over its distance:
-//! u = mean + 10 n log10 d, and without what an image of the empty sweep explains, if there is one. It varies little where nothing
-//! stands near and much behind a wall, so its variance (the sill) is estimated place by place:
+//! u = mean + 10 n log10 d, and without what an image of the empty sweep explains, if there is one. It varies little where
+//! nothing stands near and much behind a wall, so its variance (the sill) is estimated place by place:
 //!
 //! ```text
 //!   raw_j = mean over i near j of [ (u_i − u_j)² − s_i² − s_j² ] / 2 / (1 − exp(−½ (mean distance / ℓ)²))

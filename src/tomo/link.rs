@@ -139,7 +139,8 @@ impl Link {
         self.misses >= self.packets.max(FEWEST_MISSES)
     }
 
-    /// Returns the mean strength with misses counted at the receiver's floor ([`floor_dbm`]), dBm; `None` when nothing is known.
+    /// Returns the mean strength with misses counted at the receiver's floor ([`floor_dbm`]), dBm; `None` when nothing is
+    /// known.
     ///
     /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
     /// at least as many misses as packets, each counts as one packet at the floor, which bounds the
@@ -156,9 +157,9 @@ impl Link {
     }
 }
 
-/// Returns the strength below which nothing of some links that are compared is heard, dBm: a receiver's sensitivity, for the least
-/// power with which a packet was sent that was missed. One floor for all, since a floor for each power would show a change
-/// where nothing was heard, before and now.
+/// Returns the strength below which nothing of some links that are compared is heard, dBm: a receiver's sensitivity, for
+/// the least power with which a packet was sent that was missed. One floor for all, since a floor for each power would show
+/// a change where nothing was heard, before and now.
 pub fn floor_dbm<'a>(links: impl Iterator<Item = &'a Link>, sensitivity_dbm: f64) -> f64 {
     let silent = links.filter(|link| link.is_at_floor());
     let least_dbm = silent.map(|link| link.missed_power_dbm).reduce(f64::min);

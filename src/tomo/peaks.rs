@@ -1,7 +1,7 @@
 //! Where objects stand: the strongest places of an image.
 //!
-//! Greedy with non-maximum suppression; the local centroid says where in the highest pixel a peak lies. How many peaks are objects is the
-//! caller's decision; each peak says how far it stands out of the image's noise.
+//! Greedy with non-maximum suppression; the local centroid says where in the highest pixel a peak lies. How many peaks are
+//! objects is the caller's decision; each peak says how far it stands out of the image's noise.
 
 use serde::{Deserialize, Serialize};
 

@@ -4,9 +4,9 @@
 //!   D = 1 / (1 + (x / x₀)²)        x = the image of the empty sweep,  x₀ = 1.5 deviations of its prior
 //! ```
 //!
-//! The covariance C of a change becomes D C D. Without it links that graze a wall put their mismatch between the sweeps into it,
-//! since their loss changes steeply with the place of their ends. That a person stands somewhere is as likely as a change's
-//! variance is large there: D².
+//! The covariance C of a change becomes D C D. Without it links that graze a wall put their mismatch between the sweeps
+//! into it, since their loss changes steeply with the place of their ends. That a person stands somewhere is as likely as a
+//! change's variance is large there: D².
 
 use super::Image;
 use super::settings::ImagingSettings;

@@ -4,8 +4,8 @@
 //!   x_p = Σ_i s_i        s_i = α_i (W D C D)_ip
 //! ```
 //!
-//! α = the dual variables of the solution, W = weights, C = prior covariance, D = room for a change. A link far from the pixel has a
-//! share as well, since the prior makes neighbours alike.
+//! α = the dual variables of the solution, W = weights, C = prior covariance, D = room for a change. A link far from the
+//! pixel has a share as well, since the prior makes neighbours alike.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,5 @@
-//! The most probable image link by link: after each link it is that of the batch, x = C Wᵀ (W C Wᵀ + S)⁻¹ y, with its deviation.
+//! The most probable image link by link: after each link it is that of the batch, x = C Wᵀ (W C Wᵀ + S)⁻¹ y, with its
+//! deviation.
 //!
 //! Of the two forms of the same formula the one is taken whose memory fits the image ([`MOST_IN_PIXELS`]):
 //!
@@ -7,10 +8,10 @@
 //!   links    k = W C w,  l = J k,  d² = wᵀC w + s² − lᵀl,  J gets the row [−lᵀJ, 1] / d  M² / 2 numbers, M links
 //! ```
 //!
-//! P = posterior covariance, C = prior covariance, S = noise of the links, J = the inverse of the Cholesky factor of W C Wᵀ + S,
-//! which is read once for each link: l_i and l_i J_i by the same row. Nuisance columns H with prior variances B are unknowns
-//! beside the pixels. Links that are known together are taken together ([`StreamingMap::add`]), which costs less than one by one.
-//! Noise is Gaussian here; robust weights are [`super::map_solver`]'s.
+//! P = posterior covariance, C = prior covariance, S = noise of the links, J = the inverse of the Cholesky factor of W C Wᵀ +
+//! S, which is read once for each link: l_i and l_i J_i by the same row. Nuisance columns H with prior variances B are
+//! unknowns beside the pixels. Links that are known together are taken together ([`StreamingMap::add`]), which costs less
+//! than one by one. Noise is Gaussian here; robust weights are [`super::map_solver`]'s.
 
 use super::dense::LowerTriangle;
 use super::map_solver::Nuisance;

@@ -1,7 +1,7 @@
 //! Persons who walk within a fixed network: where they are, from a stream of measurements.
 //!
-//! A Bayes filter on a lattice for each person (Thrun, Burgard & Fox 2005, chapter 4). A person moves as in Brownian motion, and
-//! costs a link its chord ([`super::person`]):
+//! A Bayes filter on a lattice for each person (Thrun, Burgard & Fox 2005, chapter 4). A person moves as in Brownian
+//! motion, and costs a link its chord ([`super::person`]):
 //!
 //! ```text
 //!   y_l  = what link l has lost against the empty place, dB        t_l(p) = chord of a person at p, m
@@ -9,10 +9,11 @@
 //!   w(p) ∝ w(p) · exp(β Σ_l ln(on / off))
 //! ```
 //!
-//! ν = 4. κ makes up for what multipath does to a link that is shadowed, β for errors of one link that last from one measurement
-//! to the next. Of several persons each is filtered with what the others are expected to cost taken out, and its variance added.
-//! One filter more than there are persons waits, spread over the whole place but where somebody is, for somebody to come; who has
-//! hardly any probability left goes, and of two that are at one place the one that came later. What belongs to a file, and which place was empty, is not known here.
+//! ν = 4. κ makes up for what multipath does to a link that is shadowed, β for errors of one link that last from one
+//! measurement to the next. Of several persons each is filtered with what the others are expected to cost taken out, and
+//! its variance added. One filter more than there are persons waits, spread over the whole place but where somebody is, for
+//! somebody to come; who has hardly any probability left goes, and of two that are at one place the one that came later.
+//! What belongs to a file, and which place was empty, is not known here.
 
 mod person_filter;
 
@@ -151,8 +152,9 @@ impl Tracker {
         }
     }
 
-    /// Takes what a receiver lost on the links to all nodes, dB against the empty place (`None` = nothing was heard, or the node
-    /// itself), measured at a time that never goes back, seconds. Nodes that are not of the network count as not heard.
+    /// Takes what a receiver lost on the links to all nodes, dB against the empty place (`None` = nothing was heard, or the
+    /// node itself), measured at a time that never goes back, seconds. Nodes that are not of the network count as not
+    /// heard.
     pub fn take(&mut self, at_s: f64, receiver: usize, attenuation_db: &[Option<f64>]) {
         let elapsed_s = self.last_s.map_or(0.0, |last_s| (at_s - last_s).max(0.0));
         self.last_s = Some(at_s);

@@ -1,7 +1,8 @@
 //! How much each pixel weighs in each link: the forward model of the image.
 //!
 //! Rows are kept as runs of neighbouring pixels (a sparse matrix whose inner loops run over contiguous memory).
-//! Models: line (Siddon 1985), ellipse (Wilson & Patwari 2010), inverse area (Hamilton et al. 2014), Fresnel zone. Nothing is known here of noise or of solving.
+//! Models: line (Siddon 1985), ellipse (Wilson & Patwari 2010), inverse area (Hamilton et al. 2014), Fresnel zone. Nothing
+//! is known here of noise or of solving.
 
 use std::ops::Range;
 

@@ -172,8 +172,8 @@ fn known_share(plan: &FloorPlan, outcome: &RunOutcome, room: &Rect) -> f64 {
     known as f64 / floor.len().max(1) as f64
 }
 
-/// Returns the table of some results: a line for every mission, distance and width of the doors. *In 95 %* = in how many plans at
-/// least that share was seen.
+/// Returns the table of some results: a line for every mission, distance and width of the doors. *In 95 %* = in how many
+/// plans at least that share was seen.
 pub fn table(results: &[TrialResult]) -> String {
     let mut groups: BTreeMap<(TrialMission, u64, u64), Vec<&TrialResult>> = BTreeMap::new();
     for result in results {

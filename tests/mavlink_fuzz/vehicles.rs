@@ -1,4 +1,5 @@
-//! The driver of an autopilot and the simulated autopilot: each against the other over a bad link, and under strangers' messages.
+//! The driver of an autopilot and the simulated autopilot: each against the other over a bad link, and under strangers'
+//! messages.
 
 use std::time::Duration;
 

@@ -178,7 +178,8 @@ fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_k
     assert!(one.heard_of(vehicle(1)).is_empty());
 }
 
-/// The library once let one thread write to a link's encryption while another one read from it: links broke, and processes died.
+/// The library once let one thread write to a link's encryption while another one read from it: links broke, and processes
+/// died.
 #[test]
 fn a_link_with_certificates_carries_much_both_ways_at_once() {
     let folder = tempfile::tempdir().unwrap();

@@ -942,7 +942,8 @@ fn start_again(browser: &mut Browser, swarm: &Swarm) {
     }
 }
 
-/// A moment of a live swarm that is over is no present: it is called a replay, and nothing is begun from there; but Stop is Stop.
+/// A moment of a live swarm that is over is no present: it is called a replay, and nothing is begun from there; but Stop is
+/// Stop.
 fn look_back(browser: &mut Browser) {
     let is_back = "tomoswarm.model.moment.speed === 0 && document.title.startsWith('REPLAY')";
     browser.until(

@@ -94,8 +94,8 @@ fn a_sweep_is_driven_over_mavlink_although_a_link_is_cut_for_five_seconds() {
     check_image(&swarm);
 }
 
-/// Checks that the image of a sweep shows what the same sweep shows in simulations with other seeds, whose autopilots are in the
-/// process: it is brightest where the person stands, and about as bright as there.
+/// Checks that the image of a sweep shows what the same sweep shows in simulations with other seeds, whose autopilots are
+/// in the process: it is brightest where the person stands, and about as bright as there.
 fn check_image(swarm: &Swarm) {
     swarm.tool(&["export", "state-g/ground.sqlite", "--out", "flown"]);
     let flown = brightest(&swarm.path("flown/run-1-structure.npy"));

@@ -1,5 +1,5 @@
-//! The page's scene in three dimensions, and which links made a pixel, as a browser sees them: of a simulation, whose run is over,
-//! and of a live swarm where a browser cannot draw it.
+//! The page's scene in three dimensions, and which links made a pixel, as a browser sees them: of a simulation, whose run
+//! is over, and of a live swarm where a browser cannot draw it.
 
 use std::path::Path;
 

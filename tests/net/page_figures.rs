@@ -20,7 +20,8 @@ const STOPS: usize = 40;
 /// Of each figure over time.
 const OVER: Duration = Duration::from_secs(20);
 
-/// Writes a field of 60 m with nothing but a crate in a corner, and a simulation of vehicles that drive about on it; returns its file.
+/// Writes a field of 60 m with nothing but a crate in a corner, and a simulation of vehicles that drive about on it;
+/// returns its file.
 fn field(folder: &Path, vehicles: usize) -> String {
     let mut homes = String::new();
     for number in 0..vehicles {

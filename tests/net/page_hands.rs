@@ -1,5 +1,5 @@
-//! Keys, fingers and links at the operator's page, and what it says when its program does not answer. Nobody else is there: what is
-//! ordered reaches nobody.
+//! Keys, fingers and links at the operator's page, and what it says when its program does not answer. Nobody else is there:
+//! what is ordered reaches nobody.
 
 use std::time::{Duration, Instant};
 

@@ -1,5 +1,5 @@
-//! What the page says of the scene beside drawing it, as a browser sees it of a simulation that is over: who has seen a cell and
-//! when, slices of altitude, and what was found against time.
+//! What the page says of the scene beside drawing it, as a browser sees it of a simulation that is over: who has seen a
+//! cell and when, slices of altitude, and what was found against time.
 
 use serde_json::{Value, json};
 use tomoswarm::dash::frame::{self, FrameKind};

@@ -1,5 +1,5 @@
-//! The page for other machines (`dash --listen`): TLS with the operator's certificate, for whoever trusts the swarm's authority,
-//! under the names in it and no other; and everything that is refused before anything begins.
+//! The page for other machines (`dash --listen`): TLS with the operator's certificate, for whoever trusts the swarm's
+//! authority, under the names in it and no other; and everything that is refused before anything begins.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;

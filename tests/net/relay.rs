@@ -1,5 +1,5 @@
-//! A TCP relay with a rate, a delay, a cut, a freeze and damage, so that links are shaped without root. It knows nothing of what
-//! it carries.
+//! A TCP relay with a rate, a delay, a cut, a freeze and damage, so that links are shaped without root. It knows nothing of
+//! what it carries.
 //!
 //! ```text
 //!   one end ──► socket ─► reader ─► queue of a few kB ─► writer ─► socket ──► other end     (and the same back)

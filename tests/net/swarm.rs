@@ -363,7 +363,8 @@ impl Swarm {
         }
     }
 
-    /// Lets vehicles fly simulated autopilots over MAVLink, at these addresses, each in turn; the world serves them from the other one on.
+    /// Lets vehicles fly simulated autopilots over MAVLink, at these addresses, each in turn; the world serves them from
+    /// the other one on.
     pub fn fly_over_mavlink(&mut self, served: SocketAddr, connections: &[SocketAddr]) {
         self.autopilots = Some(served);
         for (id, address) in (1..=self.size.vehicles).zip(connections) {

@@ -1,6 +1,7 @@
 //! A world for emergency stops: vehicles of the real actors (stops, vehicle, radio) whose missions want to drive all the
-//! time, a ground station and an operator that say what stands, a bus (`stops/bus.rs`), and air on which beacons that overlap are
-//! lost. Virtual time, 5 ms a tick; everything follows from the seed. What must be so is the judge's (`stops/judge.rs`).
+//! time, a ground station and an operator that say what stands, a bus (`stops/bus.rs`), and air on which beacons that
+//! overlap are lost. Virtual time, 5 ms a tick; everything follows from the seed. What must be so is the judge's
+//! (`stops/judge.rs`).
 
 use std::time::Duration;
 

@@ -1,5 +1,6 @@
 //! Persons who walk in a simulated fixed network of 28 nodes around a room, recorded as the classical networks do it, and
-//! followed by `tomoswarm image --track`: the project's own radio field and attenuation, another fade and another way each seed.
+//! followed by `tomoswarm image --track`: the project's own radio field and attenuation, another fade and another way each
+//! seed.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

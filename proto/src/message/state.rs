@@ -42,8 +42,8 @@ impl VehicleMode {
     }
 }
 
-/// Why a vehicle stands, or goes home, and does not go on by itself. Of several reasons State names the first in this order; all
-/// open stops that a vehicle knows are in its Standing.
+/// Why a vehicle stands, or goes home, and does not go on by itself. Of several reasons State names the first in this
+/// order; all open stops that a vehicle knows are in its Standing.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum StandReason {
     /// An emergency stop is open.

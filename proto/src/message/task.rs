@@ -47,8 +47,8 @@ pub enum TaskKind {
         /// How long it stays at most while it waits for a partner, milliseconds.
         dwell_limit_ms: u32,
     },
-    /// Straight from place to place, ending in front of what stands there (peers are waited for). The members begin at different places: the
-    /// first member at the first, the second at the second, and so on.
+    /// Straight from place to place, ending in front of what stands there (peers are waited for). The members begin at
+    /// different places: the first member at the first, the second at the second, and so on.
     Legs {
         /// The places, in order.
         places: Vec<Position>,
@@ -159,7 +159,8 @@ impl From<&TaskKind> for MissionKind {
 
 impl TaskKind {
     /// Returns one of each kind that files name by [`MissionKind::word`], in the order in which people are told them, with
-    /// numbers of 0 and without places. Of sweeps, legs and stored missions files say more than their kind, by words of their own.
+    /// numbers of 0 and without places. Of sweeps, legs and stored missions files say more than their kind, by words of
+    /// their own.
     pub fn named_in_files() -> Vec<TaskKind> {
         vec![
             TaskKind::Forward { distance_mm: 0 },
@@ -175,8 +176,8 @@ impl TaskKind {
         ]
     }
 
-    /// Returns its parameters, to be read or set. Those of a sweep are numbers of the ground station's planner, and the items of
-    /// a stored mission are the autopilot's: neither is among them.
+    /// Returns its parameters, to be read or set. Those of a sweep are numbers of the ground station's planner, and the
+    /// items of a stored mission are the autopilot's: neither is among them.
     pub fn parameters(&mut self) -> Vec<TaskParameter<'_>> {
         match self {
             TaskKind::Legs { places } => {

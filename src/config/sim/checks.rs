@@ -256,8 +256,8 @@ fn room_at_fence_m(sim: &Sim) -> f64 {
     vehicles.body.radius_m + padding_at_fence_m(sim.safety.padding_m, vehicles.pose_sd_m)
 }
 
-/// Returns the room that a body is meant to have at the fence, metres: its padding, or what its place may be off if that is more.
-/// Wind is not counted.
+/// Returns the room that a body is meant to have at the fence, metres: its padding, or what its place may be off if that is
+/// more. Wind is not counted.
 pub(in crate::config) fn padding_at_fence_m(padding_m: f64, pose_sd_m: f64) -> f64 {
     padding_m.max(place_off_m(pose_sd_m))
 }

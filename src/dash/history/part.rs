@@ -115,8 +115,8 @@ impl Part {
         self.inputs >= INPUTS_MAX || self.input_bytes >= INPUT_BYTES_MAX
     }
 
-    /// Returns whether all inputs of both are few enough for one. It may be twice as long as one that was not joined: plans, which
-    /// are long, are the first of which later ones replace others.
+    /// Returns whether all inputs of both are few enough for one. It may be twice as long as one that was not joined:
+    /// plans, which are long, are the first of which later ones replace others.
     pub(super) fn fits_with(&self, other: &Part) -> bool {
         self.inputs + other.inputs <= INPUTS_MAX
             && self.input_bytes + other.input_bytes <= 2 * INPUT_BYTES_MAX

@@ -1,5 +1,5 @@
-//! What is answered to whoever may look, beside the feed: metrics, the checks before a start, what stands in a simulation, who has
-//! seen a cell, what is set, files, and which links made a pixel. Each judges the token first, and changes nothing.
+//! What is answered to whoever may look, beside the feed: metrics, the checks before a start, what stands in a simulation,
+//! who has seen a cell, what is set, files, and which links made a pixel. Each judges the token first, and changes nothing.
 
 use std::collections::BTreeSet;
 
@@ -78,7 +78,8 @@ impl PageServer {
         Ok(self.mesh.clone())
     }
 
-    /// Returns where the vehicles of another run were ([`Ghost::beside`](crate::dash::ghost::Ghost::beside)), for whoever may look.
+    /// Returns where the vehicles of another run were ([`Ghost::beside`](crate::dash::ghost::Ghost::beside)), for whoever
+    /// may look.
     ///
     /// # Errors
     /// The token is none of this server's; there is no other run.
@@ -197,8 +198,8 @@ impl PageServer {
         reports.find(|report| report.run == run)?.compared_with
     }
 
-    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look, at the moment that a page looks
-    /// at; `software` is the version that all are to run.
+    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look, at the moment that a
+    /// page looks at; `software` is the version that all are to run.
     ///
     /// # Errors
     /// The token is none of this server's.

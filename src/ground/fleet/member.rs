@@ -69,8 +69,8 @@ impl FleetMember {
         pose.map(|pose| pose.at.into())
     }
 
-    /// Returns whether it does not go on, whatever it is told: its battery is low, its range sensors do not answer, or it has not
-    /// known its place for long.
+    /// Returns whether it does not go on, whatever it is told: its battery is low, its range sensors do not answer, or it
+    /// has not known its place for long.
     pub(crate) fn is_out_of_service(&self) -> bool {
         self.is_out_of_service
     }

@@ -124,9 +124,9 @@ impl OrderLedger {
         }
     }
 
-    /// Records that an emergency stop holds it, whoever has ordered what: that stands until somebody starts it. An own start that
-    /// is not obeyed yet is given up; the next one to order counts on to its number, once it was said: a hold goes above it, so
-    /// that no other start is taken for it.
+    /// Records that an emergency stop holds it, whoever has ordered what: that stands until somebody starts it. An own
+    /// start that is not obeyed yet is given up; the next one to order counts on to its number, once it was said: a hold
+    /// goes above it, so that no other start is taken for it.
     pub(crate) fn be_stopped(&mut self, vehicle: VehicleId, lease: Lease) {
         self.stand(OrderKind::Hold);
         let start = self

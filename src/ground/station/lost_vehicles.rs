@@ -12,21 +12,23 @@
 //! 2. What D may still enter under r is little: legs whose `after` are done, by the progress of r that the others have
 //!    reported. Once all report e nobody adds to that, by bus or by radio; D runs into a wait and stops by itself.
 //! 3. If D hears any plan of e or later it enters no leg any more, and is refused as no member.
-//! 4. If D hears no plan at all its bus is lost, and it holds after its autonomy (the venue's `autonomy_s`), wherever it is. What moves after
-//!    that does not follow a plan: it keeps clear of the others by itself, as on the way home.
+//! 4. If D hears no plan at all its bus is lost, and it holds after its autonomy (the venue's `autonomy_s`), wherever it
+//!    is. What moves after that does not follow a plan: it keeps clear of the others by itself, as on the way home.
 //! 5. If D is dead it stands where its autopilot has stopped it, at the latest at the end of the leg that it had entered.
 //!
 //! By 3, 4 and 5, D stands still once it was not heard for its autonomy and the time to end a leg (5 s). So plans are
 //! asked for only when all others report e *and* every dropped vehicle has been silent for this long, also one that was last
-//! heard at rest: it may have heard of plans since. After a restart of the ground silence is counted anew. Where it stands is known only roughly: the vehicles treat its last claimed leg as an obstacle, see it by their range
-//! sensors, and drive around it by themselves; the planner does not know of it.
+//! heard at rest: it may have heard of plans since. After a restart of the ground silence is counted anew. Where it stands
+//! is known only roughly: the vehicles treat its last claimed leg as an obstacle, see it by their range sensors, and drive
+//! around it by themselves; the planner does not know of it.
 //!
 //! Coming back, a vehicle is taken up again in the same way: all are stopped under an empty revision of which it is a
 //! member, which it adopts first in any case (rule 6), then planned for.
 //!
-//! A vehicle that is heard, but says that it does not go on by itself (its battery is low, its range sensors do not answer, or it
-//! has not known its place for a minute), is dropped in the same way, as soon as it says that it rests: it has left r before, and enters
-//! and finishes nothing of it any more; on its way home it keeps clear of the others by itself. When it may go on again it is taken up again.
+//! A vehicle that is heard, but says that it does not go on by itself (its battery is low, its range sensors do not answer,
+//! or it has not known its place for a minute), is dropped in the same way, as soon as it says that it rests: it has left r
+//! before, and enters and finishes nothing of it any more; on its way home it keeps clear of the others by itself. When it
+//! may go on again it is taken up again.
 //!
 //! This says when silence means something; what follows from it for a sweep is decided by the execution.
 

@@ -140,8 +140,8 @@ pub enum StationEvent {
     Lost(VehicleId),
     /// A lost vehicle is heard again.
     Found(VehicleId),
-    /// A vehicle does not go on by itself: its battery is low, its range sensors do not answer, or it has not known its place for
-    /// long.
+    /// A vehicle does not go on by itself: its battery is low, its range sensors do not answer, or it has not known its
+    /// place for long.
     DroppedOut(VehicleId),
     /// A vehicle that did not go on by itself may again.
     IsBack(VehicleId),

@@ -1,5 +1,6 @@
-//! What an autopilot does by itself when something fails, by its parameters. The numbers are ArduPilot's, of Rover 4.2 and Copter 4.2
-//! and newer: <https://ardupilot.org/rover/docs/parameters.html>, <https://ardupilot.org/copter/docs/parameters.html>.
+//! What an autopilot does by itself when something fails, by its parameters. The numbers are ArduPilot's, of Rover 4.2 and
+//! Copter 4.2 and newer: <https://ardupilot.org/rover/docs/parameters.html>,
+//! <https://ardupilot.org/copter/docs/parameters.html>.
 //!
 //! Deliberately absent: which of them are needed, see `operator::preflight`.
 

@@ -96,7 +96,8 @@ impl HeardMission {
         self.reached.take_if(|reached| current.seq < *reached);
     }
 
-    /// Returns how far it is. Old software does not say that a mission is over: it has reached the last item then, and left AUTO.
+    /// Returns how far it is. Old software does not say that a mission is over: it has reached the last item then, and left
+    /// AUTO.
     fn report(&self, mode: ShownMode) -> StoredReport {
         let is_reached = self
             .lasting

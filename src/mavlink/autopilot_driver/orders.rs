@@ -1,5 +1,6 @@
-//! Commands of the link as messages, and the answers to them. A command is said once each time that it is told; only the target of
-//! a drive under way is said again, as autopilots want it, for as long as its mode is GUIDED, and its speed until it is taken.
+//! Commands of the link as messages, and the answers to them. A command is said once each time that it is told; only the
+//! target of a drive under way is said again, as autopilots want it, for as long as its mode is GUIDED, and its speed until
+//! it is taken.
 //!
 //! ```text
 //!   [nothing] ──Route──► [a drive: corner after corner] ──last corner reached; another command; no GUIDED──► [nothing]
@@ -65,8 +66,8 @@ struct Drive {
     due: Time,
 }
 
-/// A speed that the autopilot has not taken yet. ArduRover takes none before it drives to a place, forgets it when it changes to
-/// GUIDED, and takes a few in a second only (`ModeGuided::set_desired_speed`, `AR_WPNav::set_speed_max`).
+/// A speed that the autopilot has not taken yet. ArduRover takes none before it drives to a place, forgets it when it
+/// changes to GUIDED, and takes a few in a second only (`ModeGuided::set_desired_speed`, `AR_WPNav::set_speed_max`).
 #[derive(Clone, Copy, Debug)]
 struct WantedSpeed {
     mps: f64,
@@ -526,8 +527,8 @@ fn only(wanted: Ignored) -> Ignored {
     all - wanted
 }
 
-/// Returns the target of a velocity. A rover turns to where one points, and one of nothing points north: told as well that it is
-/// not to turn, it brakes as it goes (`GCS_MAVLink_Rover::handle_set_position_target_local_ned`).
+/// Returns the target of a velocity. A rover turns to where one points, and one of nothing points north: told as well that
+/// it is not to turn, it brakes as it goes (`GCS_MAVLink_Rover::handle_set_position_target_local_ned`).
 fn velocity_target(
     velocity: Vector,
     target: MavAddress,

@@ -1,5 +1,5 @@
-//! What an autopilot says of distances, and which of the vehicle's range sensors has measured them: DISTANCE_SENSOR, of a sensor
-//! that it names by the direction in which it is mounted, and OBSTACLE_DISTANCE, of one that looks all around.
+//! What an autopilot says of distances, and which of the vehicle's range sensors has measured them: DISTANCE_SENSOR, of a
+//! sensor that it names by the direction in which it is mounted, and OBSTACLE_DISTANCE, of one that looks all around.
 //!
 //! *Nothing is there* frees the ground, so it is said only by who has looked: an OBSTACLE_DISTANCE whose every element within
 //! the cone says so, or a DISTANCE_SENSOR whose number the vehicle's file names for it. What is invalid, out of its own range

@@ -1,5 +1,5 @@
-//! What an autopilot is asked for when it was heard: which messages, how often, and the origin of its frame. Said again until it is
-//! answered, and from the beginning when it has started anew or was silent.
+//! What an autopilot is asked for when it was heard: which messages, how often, and the origin of its frame. Said again
+//! until it is answered, and from the beginning when it has started anew or was silent.
 //!
 //! ```text
 //!   [not heard] ──heartbeat──► [asking: message after message] ──all answered──► [done]

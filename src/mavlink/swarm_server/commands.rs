@@ -1,5 +1,5 @@
-//! What commands of ground stations ask of one vehicle, and what each is answered: a command becomes an order, is in progress until
-//! the operator says how that ended, and is not taken twice.
+//! What commands of ground stations ask of one vehicle, and what each is answered: a command becomes an order, is in
+//! progress until the operator says how that ended, and is not taken twice.
 //!
 //! ```text
 //!   command ─► Open (IN_PROGRESS) ─► in force: ACCEPTED; refused: DENIED; else FAILED

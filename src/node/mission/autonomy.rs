@@ -1,5 +1,6 @@
 //! What a vehicle decides on its own: it holds when it hears nobody, goes home when the bus is lost for long or the
-//! battery is low (and when it does not see, see `place_watch`), and says who has fallen silent. How it drives home is decided by `returning`.
+//! battery is low (and when it does not see, see `place_watch`), and says who has fallen silent. How it drives home is
+//! decided by `returning`.
 //!
 //! ```text
 //!                    nobody on bus or radio                heard again

@@ -128,8 +128,8 @@ impl Doubts {
     }
 
     /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be reached;
-    /// `reached` is what can be, finely, if it can set out. Small things that bar are looked at once, although they are confirmed:
-    /// an exploration that takes an echo for a pole in a doorway would end before it.
+    /// `reached` is what can be, finely, if it can set out. Small things that bar are looked at once, although they are
+    /// confirmed: an exploration that takes an echo for a pole in a doorway would end before it.
     ///
     /// # Errors
     /// None is: the share of the ground with room to stand that might be reached, which nobody has seen and to which no way is
@@ -159,8 +159,8 @@ impl Doubts {
         look.ok_or_else(|| unseen_share(search, &roomy, reached.as_ref()).unwrap_or(0.0))
     }
 
-    /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is room
-    /// to stand, and what can be reached.
+    /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is
+    /// room to stand, and what can be reached.
     fn toward_unseen_past(
         &mut self,
         search: &PathSearch<'_>,
@@ -421,8 +421,8 @@ fn unseen_share(
     Some(f64::from(unseen) / f64::from(all.max(1)))
 }
 
-/// Returns whether nothing can be reached from where the vehicle stands but that place itself: it is too near to something, such
-/// as the fence.
+/// Returns whether nothing can be reached from where the vehicle stands but that place itself: it is too near to something,
+/// such as the fence.
 fn is_shut_in(search: &PathSearch<'_>, optimistic: &SearchGrid) -> bool {
     let start = optimistic.lattice().cell_at(search.from());
     let around = CellRect::new(start, start).grown(1);

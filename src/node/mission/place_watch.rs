@@ -196,8 +196,8 @@ impl Mission {
         }
     }
 
-    /// A vehicle that follows a plan and does not see stands, and goes home when that takes too long; returns whether it does not
-    /// see.
+    /// A vehicle that follows a plan and does not see stands, and goes home when that takes too long; returns whether it
+    /// does not see.
     pub(super) fn waits_to_see(&mut self, now: Time, out: &mut Vec<Out>) -> bool {
         if self.place.sees() {
             return false;

@@ -1,5 +1,6 @@
-//! What stops the vehicle from outside its mission: the reflex, what the vehicle refuses, an order or an emergency stop, a person
-//! who has taken it over. The mission is begun anew from where that leaves it; none of this is a step of it, done or failed.
+//! What stops the vehicle from outside its mission: the reflex, what the vehicle refuses, an order or an emergency stop, a
+//! person who has taken it over. The mission is begun anew from where that leaves it; none of this is a step of it, done or
+//! failed.
 //!
 //! Deliberately absent: what ends such a restraint, which the vehicle actor decides.
 
@@ -8,7 +9,8 @@ use crate::node::vehicle::{CommandRefusal, MoveCommand, SafetyEvent};
 use crate::time::Time;
 
 impl Mission {
-    /// Notes whether the vehicle obeys, after a state in which it could move or not: as long as it does not, the mission pauses.
+    /// Notes whether the vehicle obeys, after a state in which it could move or not: as long as it does not, the mission
+    /// pauses.
     pub(super) fn watch_restraint(&mut self, now: Time, could_move: bool) {
         if could_move && !self.may_move() && self.goal.is_under_way() {
             // The vehicle has seen to it that it stands, or somebody else steers it.

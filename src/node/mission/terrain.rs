@@ -38,8 +38,8 @@ pub(super) struct Terrain {
     /// Peers that stand or are silent, each with the way that it claims: they are planned around.
     standing_peers: Vec<Vec<Point>>,
     driven_places: DrivenPlaces,
-    /// Whether the range sensors answer. Without them only the vehicle's own track is driven: what was seen from afar may be wrong,
-    /// and nothing else would halt it.
+    /// Whether the range sensors answer. Without them only the vehicle's own track is driven: what was seen from afar may
+    /// be wrong, and nothing else would halt it.
     sees: bool,
 }
 
@@ -166,8 +166,8 @@ impl Terrain {
         release
     }
 
-    /// Returns what made the reflex halt of late. What the map is sure of on the arc of its echo keeps its clearance by the map:
-    /// then the rest of the arc, which may reach across a doorway that the vehicle has come in by, is taken for free.
+    /// Returns what made the reflex halt of late. What the map is sure of on the arc of its echo keeps its clearance by the
+    /// map: then the rest of the arc, which may reach across a doorway that the vehicle has come in by, is taken for free.
     fn obstacles(&self, now: Time) -> Vec<ReflexObstacle> {
         let present = self.reflex_obstacles.present(now).copied();
         let by_map = |obstacle: ReflexObstacle| match self.is_on_map(&obstacle) {
@@ -189,10 +189,7 @@ impl Terrain {
         let is_sure = |cell: Cell| {
             let barred = view.barred(cell);
             let sure = barred.filter(|barred| barred.bar == Bar::Confirmed);
-            sure.is_some_and(|barred| {
-                let mut parts = barred.places(lattice, cell);
-                parts.any(|part| part.distance_to(obstacle.at) <= near_m)
-            })
+            sure.is_some_and(|barred| barred.distance_m(lattice, cell, obstacle.at) <= near_m)
         };
         area.cells().any(is_sure)
     }

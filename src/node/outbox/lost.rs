@@ -1,5 +1,5 @@
-//! Which of a vehicle's samples nobody has any more: ranges of sequences, said with every batch, so that whoever counts sequences
-//! does not wait for them.
+//! Which of a vehicle's samples nobody has any more: ranges of sequences, said with every batch, so that whoever counts
+//! sequences does not wait for them.
 
 use std::collections::BTreeMap;
 

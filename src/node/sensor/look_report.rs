@@ -1,5 +1,5 @@
-//! What was heard of late, for operators who look through a vehicle's eyes: said a few times a second while one of them asks for
-//! it, and nothing of it is kept otherwise. Nothing is decided by it.
+//! What was heard of late, for operators who look through a vehicle's eyes: said a few times a second while one of them
+//! asks for it, and nothing of it is kept otherwise. Nothing is decided by it.
 
 use std::time::Duration;
 

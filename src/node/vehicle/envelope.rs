@@ -146,9 +146,9 @@ impl Vehicle {
         claim.is_none_or(|claim| keeps_clear(pose.at, route, &claim, separation_m))
     }
 
-    /// Stops a vehicle on a leg whose rest does not keep clear of a peer: the command that was to take its place was refused for
-    /// that peer, and whoever gave it does not watch the leg any more. On plan it goes on before a peer that moves: the plan says
-    /// who goes first, or the other one yields.
+    /// Stops a vehicle on a leg whose rest does not keep clear of a peer: the command that was to take its place was
+    /// refused for that peer, and whoever gave it does not watch the leg any more. On plan it goes on before a peer that
+    /// moves: the plan says who goes first, or the other one yields.
     pub(super) fn stop_before(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
         let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else {
             return;

@@ -100,8 +100,8 @@ pub(super) struct RepeatedStop {
 }
 
 impl MovementOrder {
-    /// Drives along a route of two corners or more, which begins where it is, from now on; what it drives now may have a braking
-    /// of its own.
+    /// Drives along a route of two corners or more, which begins where it is, from now on; what it drives now may have a
+    /// braking of its own.
     pub(super) fn drive(
         &mut self,
         now: Time,

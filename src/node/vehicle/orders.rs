@@ -125,15 +125,16 @@ impl Orders {
         (self.stopped_at, self.answers_from) = (Some(now), Some(now));
     }
 
-    /// Records that a person beside the vehicle sends it home: what waits for the disk is gone, and only what answers a state from
-    /// now on sends it elsewhere. Returns what the motors are told, and the highest order obeyed.
+    /// Records that a person beside the vehicle sends it home: what waits for the disk is gone, and only what answers a
+    /// state from now on sends it elsewhere. Returns what the motors are told, and the highest order obeyed.
     pub(super) fn go_home(&mut self, now: Time) -> (Option<AutopilotCommand>, Ordered) {
         self.waiting = None;
         (self.stopped_at, self.answers_from) = (Some(now), Some(now));
         (self.restraint.obey(now, OrderKind::Return), self.highest)
     }
 
-    /// Records that the last emergency stop was lifted, or that somebody else has taken over: only what answers a state from now on sends the vehicle out.
+    /// Records that the last emergency stop was lifted, or that somebody else has taken over: only what answers a state
+    /// from now on sends the vehicle out.
     pub(super) fn answer_from(&mut self, now: Time) {
         self.answers_from = Some(now);
     }

@@ -138,8 +138,8 @@ impl Reflex {
         (halts && !self.is_elsewhere(settings, scan)).then_some(ahead_m)
     }
 
-    /// Returns whether an echo of a beam that looks aside has come from beside the driven strip: all of its arc that lies in the
-    /// strip was seen empty.
+    /// Returns whether an echo of a beam that looks aside has come from beside the driven strip: all of its arc that lies
+    /// in the strip was seen empty.
     fn is_elsewhere(&self, settings: &VehicleSettings, scan: &Scan) -> bool {
         let half_rad = settings.look.half_angle.radians();
         let (Some(range_m), true) = (scan.range_m, scan.beam.radians().abs() > half_rad) else {
@@ -161,8 +161,8 @@ impl Reflex {
             .any(|one| one.saw_empty(place, half_rad))
     }
 
-    /// Returns what a reading stands for: an echo from somewhere on its arc, where no other beam has just seen nothing, believed
-    /// for a while, and not for long when it may be a peer.
+    /// Returns what a reading stands for: an echo from somewhere on its arc, where no other beam has just seen nothing,
+    /// believed for a while, and not for long when it may be a peer.
     pub(super) fn obstacle_of(
         &self,
         settings: &VehicleSettings,
@@ -201,8 +201,9 @@ impl Reflex {
         self.is_barred(now, route, here, |obstacle| obstacle)
     }
 
-    /// Returns whether a route from `here` comes too near to something that made it halt, taken to stand in the middle of its arc:
-    /// to keep clear of all of the arc is for whoever plans, and knows from the map what else the echo may have come from.
+    /// Returns whether a route from `here` comes too near to something that made it halt, taken to stand in the middle of
+    /// its arc: to keep clear of all of the arc is for whoever plans, and knows from the map what else the echo may have
+    /// come from.
     pub(super) fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
         self.is_barred(now, route, here, ReflexObstacle::in_the_middle)
     }

@@ -11,8 +11,8 @@ const AHEAD_M: f64 = 4.0;
 /// So many corners are claimed at most: of a mission of many items at nearly one place.
 const CORNERS_MAX: usize = 64;
 
-/// Returns the way that an autopilot takes from a place, from an item of a mission on, as far as a vehicle claims it: its next two
-/// places, and 4 m, or the end, or 64 corners. Where a jump may be taken or not, it leads there and back again.
+/// Returns the way that an autopilot takes from a place, from an item of a mission on, as far as a vehicle claims it: its
+/// next two places, and 4 m, or the end, or 64 corners. Where a jump may be taken or not, it leads there and back again.
 pub(super) fn way_ahead(items: &[Item], from: usize, home: Point, at: Point) -> Vec<Point> {
     let mut way = vec![at];
     let (mut here, mut places, mut length_m, mut index) = (at, 0, 0.0, from);

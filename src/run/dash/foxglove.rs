@@ -1,6 +1,6 @@
-//! The board for Foxglove and Lichtblick, by their public protocol (`foxglove.websocket.v1`, `foxglove.sdk.v1`): poses, the merged
-//! map, images, and what happened, with the schemas of recordings. It only shows: whatever a viewer publishes or asks for beside
-//! channels is passed over. Nothing here opens a connection.
+//! The board for Foxglove and Lichtblick, by their public protocol (`foxglove.websocket.v1`, `foxglove.sdk.v1`): poses, the
+//! merged map, images, and what happened, with the schemas of recordings. It only shows: whatever a viewer publishes or
+//! asks for beside channels is passed over. Nothing here opens a connection.
 //!
 //! A viewer that is slow is sent less: poses at most ten times a second, the map every ten seconds; map and images only when
 //! nothing waits for it, and nothing while its connection is full. A channel is sent once, for the newest subscription of it.

@@ -1,5 +1,5 @@
-//! The page of a recording in this process: what was said is told to the page's server, and then pages look at any moment of it,
-//! perhaps beside another run.
+//! The page of a recording in this process: what was said is told to the page's server, and then pages look at any moment
+//! of it, perhaps beside another run.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};

@@ -1,5 +1,6 @@
-//! The page of a simulation in this process: it listens to the simulated bus and takes no orders. A thread of its own serves, so
-//! that a page is answered while the run computes; the run waits for it when it cannot keep up, and is changed by nothing.
+//! The page of a simulation in this process: it listens to the simulated bus and takes no orders. A thread of its own
+//! serves, so that a page is answered while the run computes; the run waits for it when it cannot keep up, and is changed
+//! by nothing.
 //!
 //! ```text
 //!   simulated bus ──heard, virtual time──► this thread: PageServer ◄──requests── server thread ◄──► pages

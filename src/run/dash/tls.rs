@@ -1,5 +1,6 @@
-//! TLS of the page for browsers on other machines: the operator's certificate, and handshakes beside each other, so that one that is
-//! slow keeps nobody waiting. Who may look or order is not judged here: a browser shows no certificate, its page says a token.
+//! TLS of the page for browsers on other machines: the operator's certificate, and handshakes beside each other, so that
+//! one that is slow keeps nobody waiting. Who may look or order is not judged here: a browser shows no certificate, its
+//! page says a token.
 
 use std::io;
 use std::net::SocketAddr;

@@ -1,6 +1,7 @@
 //! The autopilot of a live vehicle, behind the driver that its file chooses.
 //!
-//! A driver is a file in this folder, a variant of `Pilot` and an arm of each match here. What a command means is not known here.
+//! A driver is a file in this folder, a variant of `Pilot` and an arm of each match here. What a command means is not known
+//! here.
 
 mod connection;
 mod mavlink;

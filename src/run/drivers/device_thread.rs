@@ -46,8 +46,8 @@ struct State<S> {
 }
 
 impl<S: Send + 'static> DeviceThread<S> {
-    /// Begins a thread of a name that has a device of a name. A session opens the device, says so ([`Shared::opened`]) and works
-    /// until it is gone, or until the end ([`Shared::is_ended`]).
+    /// Begins a thread of a name that has a device of a name. A session opens the device, says so ([`Shared::opened`]) and
+    /// works until it is gone, or until the end ([`Shared::is_ended`]).
     ///
     /// # Errors
     /// No thread can be started.

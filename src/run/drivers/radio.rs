@@ -1,6 +1,7 @@
 //! The radio of a live vehicle, behind the driver that its file chooses.
 //!
-//! A driver is a file in this folder, a variant of `Device` and an arm of each match here. What a beacon says is not known here.
+//! A driver is a file in this folder, a variant of `Device` and an arm of each match here. What a beacon says is not known
+//! here.
 
 #[cfg(feature = "hw")]
 mod xbee;

@@ -1,5 +1,5 @@
-//! The range sensors of a live vehicle, behind the drivers that its file chooses: the one that looks where it was steered last is
-//! asked. It counts pings that nothing answers, whatever the driver, and never makes an echo of silence.
+//! The range sensors of a live vehicle, behind the drivers that its file chooses: the one that looks where it was steered
+//! last is asked. It counts pings that nothing answers, whatever the driver, and never makes an echo of silence.
 //!
 //! A driver that reads a device in its own way is a file in this folder, a variant of `Reader` and an arm of each match
 //! here; a sensor on a serial line needs no more than its decoder in `hw`.

@@ -1,4 +1,5 @@
-//! When a connection to a device that is gone is opened again: soon, and then ever more seldom as long as nothing was heard on it.
+//! When a connection to a device that is gone is opened again: soon, and then ever more seldom as long as nothing was heard
+//! on it.
 
 use std::time::Duration;
 

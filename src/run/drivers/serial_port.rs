@@ -29,8 +29,8 @@ impl LineFormat {
     }
 }
 
-/// Opens a port for this process alone. It is locked before anything is set: another program's port stays as it is. Who reads it
-/// waits so long for bytes.
+/// Opens a port for this process alone. It is locked before anything is set: another program's port stays as it is. Who
+/// reads it waits so long for bytes.
 ///
 /// # Errors
 /// It is not there, is no port, or is in use.

@@ -1,8 +1,8 @@
-//! The servo of a live vehicle, behind the driver that its file chooses: a direction becomes a pulse, and a thread of its own gives
-//! the servo that pulse until the next. Which directions there are is not decided here.
+//! The servo of a live vehicle, behind the driver that its file chooses: a direction becomes a pulse, and a thread of its
+//! own gives the servo that pulse until the next. Which directions there are is not decided here.
 //!
-//! A driver is a file in this folder and a variant of `Output` there; one that another device moves is a variant of `Device`. Pulses
-//! for one on the autopilot are handed to whoever speaks with that.
+//! A driver is a file in this folder and a variant of `Output` there; one that another device moves is a variant of
+//! `Device`. Pulses for one on the autopilot are handed to whoever speaks with that.
 
 #[cfg(feature = "hw")]
 mod output;

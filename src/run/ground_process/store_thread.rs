@@ -1,6 +1,6 @@
-//! The thread that stores samples and all that the station does not wait for, and tells the station of samples and marks once they
-//! are stored. Its groups are small, so that the station's memory never waits long for the store. What could not be stored last
-//! is tried again, so that it is known when the store works again, whether or not anybody repeats anything.
+//! The thread that stores samples and all that the station does not wait for, and tells the station of samples and marks
+//! once they are stored. Its groups are small, so that the station's memory never waits long for the store. What could not
+//! be stored last is tried again, so that it is known when the store works again, whether or not anybody repeats anything.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};

@@ -1,6 +1,6 @@
-//! The processes of a live swarm: started, watched, started again, and ended in order. Each is in a process group of its own, so that
-//! Ctrl-C on the terminal reaches only us and we end them in order. Their standard input is a pipe of ours that is never
-//! written to: when this process is gone, however, they see its end and end themselves.
+//! The processes of a live swarm: started, watched, started again, and ended in order. Each is in a process group of its
+//! own, so that Ctrl-C on the terminal reaches only us and we end them in order. Their standard input is a pipe of ours
+//! that is never written to: when this process is gone, however, they see its end and end themselves.
 //!
 //! A node that dies is started again as its service is in the field (`deploy/`), but within limits: after 1, 2 and 4 s, and no
 //! more when it dies a fourth time within a minute ([`Restarts`]). One that refuses its configuration (exit code 2) or has

@@ -20,9 +20,9 @@ pub struct AccessRule {
 /// Returns the rules of all certificates of a roster; `venue` is the name of the venue.
 ///
 /// A node writes under its own keys ([`written_by`]) and reads everything of its venue: who hears what is the table's
-/// ([`crate::exchange::table`]), and a kind that the roster's authority does not know yet must pass. In a star everything comes to a vehicle through
-/// the ground station, which therefore may hand on what others wrote; it is the ground station that holds them to their
-/// own keys.
+/// ([`crate::exchange::table`]), and a kind that the roster's authority does not know yet must pass. In a star everything
+/// comes to a vehicle through the ground station, which therefore may hand on what others wrote; it is the ground station
+/// that holds them to their own keys.
 pub fn access_rules(roster: &Roster, venue: &str, topology: Topology) -> Vec<AccessRule> {
     let all = format!("tomoswarm/{venue}/**");
     let rule = |name: super::CommonName| {

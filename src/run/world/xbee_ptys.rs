@@ -1,5 +1,5 @@
-//! Simulated XBees at pseudo-terminals: each vehicle of a world has one, on which the real driver speaks real frames. What a module
-//! does is said by [`crate::sim::xbee_air`].
+//! Simulated XBees at pseudo-terminals: each vehicle of a world has one, on which the real driver speaks real frames. What
+//! a module does is said by [`crate::sim::xbee_air`].
 //!
 //! ```text
 //!   FOLDER/vehicle-1 ─► pseudo-terminal ─bytes, baud rate─► reader ─► the world's thread ─► module ─► air

@@ -1,4 +1,5 @@
-//! The battery: its charge, and how far it has sunk. What uses it, and what an autopilot does when it is low, is not known here.
+//! The battery: its charge, and how far it has sunk. What uses it, and what an autopilot does when it is low, is not known
+//! here.
 //!
 //! ```text
 //!   [Enough] ──► [Low] ──► [Empty]      as the charge sinks, one step after the other
@@ -65,8 +66,8 @@ impl Battery {
         self.charge = (self.charge - used).max(0.0);
     }
 
-    /// Returns when it will have sunk to the next level, if the vehicle moves for this long from now on and then rests; `None` =
-    /// it is empty, or that never comes.
+    /// Returns when it will have sunk to the next level, if the vehicle moves for this long from now on and then rests;
+    /// `None` = it is empty, or that never comes.
     pub(super) fn sinks_at(
         &self,
         now: Time,

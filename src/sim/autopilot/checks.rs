@@ -1,5 +1,5 @@
-//! Which command is taken, and when an autopilot says no; what it does when a failsafe trips. It judges by what is so at a moment
-//! and says what is to be done; it does nothing itself.
+//! Which command is taken, and when an autopilot says no; what it does when a failsafe trips. It judges by what is so at a
+//! moment and says what is to be done; it does nothing itself.
 
 use super::messages::{AutopilotSettings, LowBattery};
 use super::stages::{Stage, StagePlanner};

@@ -1,6 +1,6 @@
-//! The motion of a vehicle: its body in the plane and its altitude, moved by stages one after the other, each with an end that is
-//! known when it begins. It knows no mode, no mission and no error of places: who begins a stage says which places are the true
-//! ones, and decides what follows when all stages are over.
+//! The motion of a vehicle: its body in the plane and its altitude, moved by stages one after the other, each with an end
+//! that is known when it begins. It knows no mode, no mission and no error of places: who begins a stage says which places
+//! are the true ones, and decides what follows when all stages are over.
 
 use std::collections::VecDeque;
 

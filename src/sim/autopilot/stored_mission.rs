@@ -1,5 +1,5 @@
-//! The stored mission: its items, which of them is under way, and whether the mission runs. How an item is carried out, and what
-//! follows when the mission is over, is not known here.
+//! The stored mission: its items, which of them is under way, and whether the mission runs. How an item is carried out, and
+//! what follows when the mission is over, is not known here.
 
 use std::collections::BTreeMap;
 

@@ -9,8 +9,8 @@
 //!   [Land]                     down where it is
 //! ```
 //!
-//! Any mode may follow any other, by a command or a failsafe. Without current nothing moves. After a touchdown the motors are cut,
-//! unless a mission has a say in it.
+//! Any mode may follow any other, by a command or a failsafe. Without current nothing moves. After a touchdown the motors
+//! are cut, unless a mission has a say in it.
 
 use std::collections::BTreeMap;
 

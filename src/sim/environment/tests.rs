@@ -11,7 +11,8 @@ use crate::sim::world::tests::{drive, secs, stage, world};
 
 const ONE: VehicleId = VehicleId(1);
 
-/// Rovers at places on the x axis that face along it, their software running, with posts of 0.5 m radius ahead (their x, and their two ends).
+/// Rovers at places on the x axis that face along it, their software running, with posts of 0.5 m radius ahead (their x,
+/// and their two ends).
 fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<FaultSpec>) -> Environment {
     let world = world(VehicleKind::Rover, 0.0, posts, places_m);
     begun(world, faults)

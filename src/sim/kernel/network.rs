@@ -1,5 +1,5 @@
-//! The simulated network: the bus, and every node's side of it. Each node asks whether it may take part, greets, and sends within
-//! its budget, by the same [`Exchange`] as a live node's.
+//! The simulated network: the bus, and every node's side of it. Each node asks whether it may take part, greets, and sends
+//! within its budget, by the same [`Exchange`] as a live node's.
 //!
 //! ```text
 //!   node ─► exchange ─► bus ─► exchange ─► node

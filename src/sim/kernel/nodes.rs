@@ -1,5 +1,5 @@
-//! The nodes of a simulated run: the vehicles, the ground station and the operators, each with what its process would have beside
-//! it. It lets nothing happen: whoever tells a node something carries out what it wants done.
+//! The nodes of a simulated run: the vehicles, the ground station and the operators, each with what its process would have
+//! beside it. It lets nothing happen: whoever tells a node something carries out what it wants done.
 
 mod ground;
 mod operator;

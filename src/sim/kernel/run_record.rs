@@ -1,5 +1,5 @@
-//! What is written down of a run while it goes on: the log, counts, tracks, pictures, and why it failed. It changes nothing in the
-//! world, and decides nothing.
+//! What is written down of a run while it goes on: the log, counts, tracks, pictures, and why it failed. It changes nothing
+//! in the world, and decides nothing.
 
 use tomoswarm_proto::VehicleId;
 

@@ -64,8 +64,8 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// Makes one in which nothing is to happen, of a run that lasts this long at most; with `ties` events of one moment come in an
-    /// order drawn from it.
+    /// Makes one in which nothing is to happen, of a run that lasts this long at most; with `ties` events of one moment
+    /// come in an order drawn from it.
     pub(super) fn new(until: Time, ties: Option<Noise>) -> Schedule {
         Schedule {
             queue: EventQueue::new(ties),

@@ -1,5 +1,5 @@
-//! The environment as the kernel runs it: the moments at which it wants to be woken are put into the schedule. What happens in it
-//! is said to the caller, who tells the nodes.
+//! The environment as the kernel runs it: the moments at which it wants to be woken are put into the schedule. What happens
+//! in it is said to the caller, who tells the nodes.
 
 use super::schedule::{Schedule, ScheduledEvent};
 use crate::node;

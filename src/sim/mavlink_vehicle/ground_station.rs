@@ -59,7 +59,8 @@ impl GroundStation {
             return None;
         }
         self.heard = None;
-        // https://ardupilot.org/rover/docs/parameters.html#fs-action, https://ardupilot.org/copter/docs/parameters.html#fs-gcs-enable
+        // https://ardupilot.org/rover/docs/parameters.html#fs-action,
+        // https://ardupilot.org/copter/docs/parameters.html#fs-gcs-enable
         let mode = match (kind, kind_of_action(kind, parameters)) {
             (VehicleKind::Rover, 1) => FlightMode::Return,
             (VehicleKind::Rover, 2) => FlightMode::Hold,

@@ -1,5 +1,5 @@
-//! The stored mission as clients see it: uploaded, downloaded, cleared, its current item. What is carried out is the autopilot's; what
-//! was uploaded is kept as it came, so that it is read back byte for byte.
+//! The stored mission as clients see it: uploaded, downloaded, cleared, its current item. What is carried out is the
+//! autopilot's; what was uploaded is kept as it came, so that it is read back byte for byte.
 
 use super::FlownVehicle;
 use crate::autopilot::item::{ITEMS_MAX, check_items};

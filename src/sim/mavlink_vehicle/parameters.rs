@@ -40,8 +40,8 @@ const COPTER: [(&str, f32, MavParamType); 6] = [
     ("WPNAV_SPEED_UP", 250.0, MavParamType::MAV_PARAM_TYPE_REAL32),
 ];
 
-/// What a vehicle of a swarm is given: its failsafes for battery, companion and fence keep it where it is. After that of its companion
-/// a start is needed: it waits a while for a link that is lost.
+/// What a vehicle of a swarm is given: its failsafes for battery, companion and fence keep it where it is. After that of
+/// its companion a start is needed: it waits a while for a link that is lost.
 const KEEPS_PLACE_ROVER: [(&str, f32); 5] = [
     ("BATT_FS_LOW_ACT", 2.0),
     ("FENCE_ACTION", 2.0),

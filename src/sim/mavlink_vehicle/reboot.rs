@@ -1,5 +1,6 @@
-//! Starting anew (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN): it brakes, is disarmed, says and hears nothing for a while, and has forgotten
-//! then what was asked of it; parameters and mission are stored. Its estimator starts up at once, unlike a real one's.
+//! Starting anew (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN): it brakes, is disarmed, says and hears nothing for a while, and has
+//! forgotten then what was asked of it; parameters and mission are stored. Its estimator starts up at once, unlike a real
+//! one's.
 
 use std::time::Duration;
 

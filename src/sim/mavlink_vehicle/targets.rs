@@ -1,6 +1,7 @@
 //! Position targets of clients: SET_POSITION_TARGET_LOCAL_NED and SET_POSITION_TARGET_GLOBAL_INT
-//! (<https://ardupilot.org/dev/docs/mavlink-rover-commands.html>, <https://ardupilot.org/dev/docs/copter-commands-in-guided-mode.html>).
-//! One that holds what is no number is passed over: nothing is answered to targets.
+//! (<https://ardupilot.org/dev/docs/mavlink-rover-commands.html>,
+//! <https://ardupilot.org/dev/docs/copter-commands-in-guided-mode.html>). One that holds what is no number is passed over:
+//! nothing is answered to targets.
 
 use super::FlownVehicle;
 use crate::autopilot::{Command, VehicleKind};

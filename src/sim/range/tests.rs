@@ -443,8 +443,8 @@ fn a_thin_pole_is_not_missed_by_a_fan_that_leans_nor_by_a_cone() {
     }
 }
 
-/// The same lobe by rays, each a beam of its own; every object is heard as far as the sensor hears it. `across`: rays from one edge
-/// of a cone to the other; a fan has very many.
+/// The same lobe by rays, each a beam of its own; every object is heard as far as the sensor hears it. `across`: rays from
+/// one edge of a cone to the other; a fan has very many.
 fn by_rays(
     model: RangeModel,
     eye: &SensorPose,

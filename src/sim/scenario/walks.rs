@@ -39,7 +39,8 @@ impl Scenario {
         Ok(())
     }
 
-    /// Returns for each person where it has been until a moment, at places a little apart; of one who stands still its only place.
+    /// Returns for each person where it has been until a moment, at places a little apart; of one who stands still its only
+    /// place.
     pub fn ways(&self, until: Time) -> Vec<Vec<Point>> {
         let way = |(person, walk): (&Person, Option<Walk>)| match walk {
             Some(walk) => walk.places_until(until, CHECKED_EVERY_M).collect(),

@@ -59,8 +59,8 @@ impl Default for FlightConditions {
 }
 
 impl FlightConditions {
-    /// Returns how their autopilots are set. The companion decides about batteries and lost places: it knows a safer way home than
-    /// a straight line. One that starts cold stands on the ground, just switched on, with ArduPilot's own rules.
+    /// Returns how their autopilots are set. The companion decides about batteries and lost places: it knows a safer way
+    /// home than a straight line. One that starts cold stands on the ground, just switched on, with ArduPilot's own rules.
     pub(super) fn autopilot(&self, build: &VehicleBuild, starts_cold: bool) -> AutopilotSettings {
         let of_its_own = AutopilotSettings::new(self.kind, build.limits);
         if starts_cold {

@@ -7,8 +7,9 @@
 //!   check 9ae16a3b2f90404f
 //! ```
 //!
-//! More to remember is more lines and a higher version; a later program reads the earlier versions. A folder without the file is that of a vehicle that has obeyed
-//! nothing. Whatever else is found is refused and left as it is: to guess would be to obey what was overruled.
+//! More to remember is more lines and a higher version; a later program reads the earlier versions. A folder without the
+//! file is that of a vehicle that has obeyed nothing. Whatever else is found is refused and left as it is: to guess would
+//! be to obey what was overruled.
 
 use std::io;
 use std::path::{Path, PathBuf};

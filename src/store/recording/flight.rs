@@ -139,8 +139,8 @@ impl OpenRecording {
         Ok(number)
     }
 
-    /// Notes UTC at the start of the node, nanoseconds since 1970, in the newest segment, unless it says so already: its machine's
-    /// clock may be set when the node has run for a while. Segments that begin later say it from the beginning.
+    /// Notes UTC at the start of the node, nanoseconds since 1970, in the newest segment, unless it says so already: its
+    /// machine's clock may be set when the node has run for a while. Segments that begin later say it from the beginning.
     ///
     /// # Errors
     /// As for [`OpenRecording::snapshot`].

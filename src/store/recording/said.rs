@@ -1,5 +1,5 @@
-//! What nodes said to each other, from their recordings: of each recorded node what it said and noted, and of the others what the
-//! ground station or an operator heard of them. Nothing is computed again.
+//! What nodes said to each other, from their recordings: of each recorded node what it said and noted, and of the others
+//! what the ground station or an operator heard of them. Nothing is computed again.
 //!
 //! Times are those of the run: of simulated nodes the virtual time, otherwise the time since the first of the nodes started, by
 //! the nodes' own clocks.

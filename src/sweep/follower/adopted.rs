@@ -179,8 +179,8 @@ impl Adopted {
         self.entered += 1;
     }
 
-    /// Passes or reaches the stop whose leg is driven: with a dwell that begins, without one the stop is done. `rests` says which
-    /// peers were heard to rest under this revision.
+    /// Passes or reaches the stop whose leg is driven: with a dwell that begins, without one the stop is done. `rests` says
+    /// which peers were heard to rest under this revision.
     ///
     /// # Errors
     /// It is not the first stop that is entered and not done.

@@ -1,9 +1,9 @@
 //! How much the noise of links that were driven one after the other goes together, measured on the sweep itself.
 //!
-//! Fading has slow beats, and a whole lap may be too strong or too weak: neighbouring links deviate alike, and a sum over the many
-//! links that cross one place is less sure than that of their variances. Where ends lie is told by two coordinates along the
-//! ring; the correlation ρ(Δa, Δb) of standardized residuals is taken by lag, for pairs of links whose ends both moved on in the
-//! same sense. Of a place that persons may stand at follows by how much its evidence is to be divided:
+//! Fading has slow beats, and a whole lap may be too strong or too weak: neighbouring links deviate alike, and a sum over
+//! the many links that cross one place is less sure than that of their variances. Where ends lie is told by two coordinates
+//! along the ring; the correlation ρ(Δa, Δb) of standardized residuals is taken by lag, for pairs of links whose ends both
+//! moved on in the same sense. Of a place that persons may stand at follows by how much its evidence is to be divided:
 //!
 //! ```text
 //!   c = max(1, 1 + uᵀ R u / uᵀ u)          u = t(p) / √(κ v),  R = ρ of all pairs, zero diagonal

@@ -1,5 +1,5 @@
-//! Where a person is searched: places on a lattice, with the chords of all links there, and how much one more person there would
-//! explain.
+//! Where a person is searched: places on a lattice, with the chords of all links there, and how much one more person there
+//! would explain.
 
 use super::evidence::{Evidence, Target, sum_of_logarithms};
 use crate::geom::{Point, Rect};

@@ -1,7 +1,7 @@
 //! How strong evidence must be so that places where nobody stands pass seldom enough.
 //!
-//! What the links say of one person, place by place, is a smooth random field of unit variance when nobody is there. The expected
-//! number of its maxima above a high level u is (Adler 1981, theorem 5.4.1; Worsley 1994)
+//! What the links say of one person, place by place, is a smooth random field of unit variance when nobody is there. The
+//! expected number of its maxima above a high level u is (Adler 1981, theorem 5.4.1; Worsley 1994)
 //!
 //! ```text
 //!   N(u) = I · u e^(−u²/2) / (2π)^(3/2)      I = ∫ √det Λ dA      Λ = Jᵀ J,  J = ∂/∂(x, y) of t(p) / √(κ v), of length 1

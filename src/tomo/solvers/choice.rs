@@ -3,9 +3,9 @@
 //! The links are dealt into five parts; each candidate is solved five times without one of them, and scored by the
 //! Student-t likelihood of the part left out, κ fitted over all parts. Persons are found once, from all links: for each of
 //! their three numbers the likelihood is better by about one than if they had been found anew, and is lowered by that
-//! (Akaike). The best wins; of total variations a weaker one, and in a change persons, win already when they are behind by less than
-//! the standard error of that. Where all that stands is imaged, a wall can be told by a few discs, too: there persons win only when
-//! they are ahead of every other by twice that error.
+//! (Akaike). The best wins; of total variations a weaker one, and in a change persons, win already when they are behind by
+//! less than the standard error of that. Where all that stands is imaged, a wall can be told by a few discs, too: there
+//! persons win only when they are ahead of every other by twice that error.
 
 use serde::{Deserialize, Serialize};
 
@@ -173,8 +173,8 @@ fn preferred(scores: &[Score], highest: Candidate, are_expected: bool) -> Candid
         .unwrap_or(highest)
 }
 
-/// Returns what each candidate leaves of each link that it was not told, dB; a row for each candidate. All parts are left out at
-/// once, a lane for each.
+/// Returns what each candidate leaves of each link that it was not told, dB; a row for each candidate. All parts are left
+/// out at once, a lane for each.
 fn untold_residuals_db(
     problem: &LinkProblem<'_>,
     sparse: Sparse,

@@ -35,7 +35,8 @@ impl Persons {
         observations.iter().map(without).collect()
     }
 
-    /// Draws a disc for each person: its strength where it is more than what is there, by the share of the pixel that it covers.
+    /// Draws a disc for each person: its strength where it is more than what is there, by the share of the pixel that it
+    /// covers.
     pub(super) fn draw(&self, grid: &PixelGrid, image: &mut [f64]) {
         for find in &self.found {
             for (pixel, value) in image.iter_mut().enumerate() {

@@ -1,4 +1,5 @@
-//! Laws of images that are made link by link: the same as all links at once, surer with each, and nothing left of one taken out.
+//! Laws of images that are made link by link: the same as all links at once, surer with each, and nothing left of one taken
+//! out.
 
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;

@@ -1,5 +1,5 @@
-//! One person on a lattice of places: probabilities that spread while time passes and are weighed by what links say. Which links,
-//! and how many persons there are, is not decided here.
+//! One person on a lattice of places: probabilities that spread while time passes and are weighed by what links say. Which
+//! links, and how many persons there are, is not decided here.
 
 use super::{LinkLoss, TrackingSettings};
 use crate::geom::{Point, Rect};

@@ -231,8 +231,8 @@ impl<'a> TlsServerConfig<'a> {
             // Call this early in your process to configure which provider is used for the provider.
             // The configuration should happen before any use of ClientConfig::builder() or ServerConfig::builder().
             .install_default()
-            // Ignore the error here, because `rustls::crypto::ring::default_provider().install_default()` will inevitably be executed multiple times
-            // when there are multiple quic links, and all but the first execution will fail.
+            // Ignore the error here, because `rustls::crypto::ring::default_provider().install_default()` will inevitably
+            // be executed multiple times when there are multiple quic links, and all but the first execution will fail.
             .ok();
 
         let sc = if tls_server_client_auth {
@@ -363,8 +363,8 @@ impl<'a> TlsClientConfig<'a> {
             // Call this early in your process to configure which provider is used for the provider.
             // The configuration should happen before any use of ClientConfig::builder() or ServerConfig::builder().
             .install_default()
-            // Ignore the error here, because `rustls::crypto::ring::default_provider().install_default()` will inevitably be executed multiple times
-            // when there are multiple quic links, and all but the first execution will fail.
+            // Ignore the error here, because `rustls::crypto::ring::default_provider().install_default()` will inevitably
+            // be executed multiple times when there are multiple quic links, and all but the first execution will fail.
             .ok();
 
         let cc = if tls_client_server_auth {

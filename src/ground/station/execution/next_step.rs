@@ -10,8 +10,8 @@ use crate::time::Time;
 const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
 /// Plans that did not come after this long are asked for again.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(30);
-/// When nobody can be planned for for this long, everyone is stopped anew; a second time in a lap the sweep is given up. Vehicles
-/// that are lost are waited for as long as it takes.
+/// When nobody can be planned for for this long, everyone is stopped anew; a second time in a lap the sweep is given up.
+/// Vehicles that are lost are waited for as long as it takes.
 const NOT_STOPPED_AFTER: Duration = Duration::from_secs(420);
 /// When no vehicle has done a stop, or come to where it was not, for this long beyond the longest dwell, everyone is planned
 /// for anew; a second time in a lap the sweep is given up. People read of it in docs/modules.md.

@@ -1,6 +1,6 @@
-//! A swarm for tests of the station: it, a real planner, and scripted vehicles that follow its plans by the real rules, one stop a
-//! second. They fall silent, come back, are started anew, and the station is killed and resumed anywhere. The tests are in the
-//! modules beside it: what becomes of sweeps, and what operators say.
+//! A swarm for tests of the station: it, a real planner, and scripted vehicles that follow its plans by the real rules, one
+//! stop a second. They fall silent, come back, are started anew, and the station is killed and resumed anywhere. The tests
+//! are in the modules beside it: what becomes of sweeps, and what operators say.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

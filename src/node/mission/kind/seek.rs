@@ -9,10 +9,10 @@
 //!   [Doubting] ─ looked at it from near, or blocked ─► [Choosing]
 //! ```
 //!
-//! Only ground known to be free is driven over; what stays unknown after some looks, each from elsewhere, is left: at first after
-//! a few, and when nothing else is left to be seen, after some more.
-//! Who looks at what is judged by where the peers say that they are going, of one that does not say it by its place and way.
-//! Deliberately absent: agreements. A goal is said, not asked for: two that choose at once may choose alike for a moment.
+//! Only ground known to be free is driven over; what stays unknown after some looks, each from elsewhere, is left: at first
+//! after a few, and when nothing else is left to be seen, after some more. Who looks at what is judged by where the peers
+//! say that they are going, of one that does not say it by its place and way. Deliberately absent: agreements. A goal is
+//! said, not asked for: two that choose at once may choose alike for a moment.
 
 mod frontier_candidates;
 mod known_frontiers;

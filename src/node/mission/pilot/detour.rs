@@ -1,5 +1,6 @@
 //! Which path is searched when the way is blocked, or home is only a wish: to the next corners first, over the places driven
-//! if home lies at the end, and back if nothing else helps: out of where it is shut in by what it knows, over its own track. How one path is searched is said by [`PathSearch`].
+//! if home lies at the end, and back if nothing else helps: out of where it is shut in by what it knows, over its own
+//! track. How one path is searched is said by [`PathSearch`].
 
 use serde::{Deserialize, Serialize};
 

@@ -51,8 +51,8 @@ impl DrivenPlaces {
         &self.all
     }
 
-    /// Returns how far a route leads over places that the vehicle has driven, metres, and the first place beyond; `None` = all of
-    /// it does.
+    /// Returns how far a route leads over places that the vehicle has driven, metres, and the first place beyond; `None` =
+    /// all of it does.
     pub(super) fn leaves_track_at(&self, route: &[Point]) -> Option<(f64, Point)> {
         let is_off = |at: &Point| !self.is_on_track(*at);
         let mut start_m = 0.0;

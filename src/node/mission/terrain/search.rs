@@ -258,8 +258,8 @@ impl PathSearch<'_> {
         self.path_over(&grid, self.end_near(&grid, goal), peers)
     }
 
-    /// Returns where a way to a goal ends: there, or where the vehicle has driven beside its home if by now something is taken for
-    /// standing too near to that.
+    /// Returns where a way to a goal ends: there, or where the vehicle has driven beside its home if by now something is
+    /// taken for standing too near to that.
     fn end_near(&self, grid: &SearchGrid, goal: Point) -> Point {
         if !self.is_home(goal) || grid.has_room_at(goal) {
             return goal;
@@ -276,9 +276,10 @@ impl PathSearch<'_> {
             .map_or(goal, |(_, middle)| middle)
     }
 
-    /// Returns the way back over the vehicle's own track alone, whatever the map shows there by now, to the first place from which
-    /// a goal can be reached over known ground and places driven; `None` when the vehicle is at such a place, or none is near.
-    /// Where no such way can be begun the place lies `at_least_m` away, and the vehicle may stand at another one.
+    /// Returns the way back over the vehicle's own track alone, whatever the map shows there by now, to the first place
+    /// from which a goal can be reached over known ground and places driven; `None` when the vehicle is at such a place, or
+    /// none is near. Where no such way can be begun the place lies `at_least_m` away, and the vehicle may stand at another
+    /// one.
     pub(crate) fn back_over_track(
         &self,
         goal: Point,
@@ -317,16 +318,16 @@ impl PathSearch<'_> {
         self.grid(goal, area, resolution, unknown_allowed, peers)
     }
 
-    /// Returns whether the vehicle stands too near to something for such a search: one from cell to cell knows too little of what
-    /// is near it to lead out, and one from part to part is for ways on which all is kept that is required.
+    /// Returns whether the vehicle stands too near to something for such a search: one from cell to cell knows too little
+    /// of what is near it to lead out, and one from part to part is for ways on which all is kept that is required.
     pub(crate) fn is_cramped(&self, grid: &SearchGrid, resolution: Resolution) -> bool {
         let here = grid.lattice().cell_at(self.pose.at);
         resolution != Resolution::Parts && !grid.passable(here)
     }
 
     /// Returns where the vehicle might be in all of the fence if nothing stood but what is confirmed; `None` when the fence is
-    /// too large to search. Peers and what only the reflex has met are not regarded: they come and go. `doubted` (ascending) are
-    /// cells that are taken for free although they are confirmed.
+    /// too large to search. Peers and what only the reflex has met are not regarded: they come and go. `doubted`
+    /// (ascending) are cells that are taken for free although they are confirmed.
     pub(crate) fn optimistic_ground(
         &self,
         goal: Option<Point>,
@@ -388,10 +389,7 @@ impl PathSearch<'_> {
         let view = self.map.view(self.settings.slice, area);
         let nearest_m = |cell: Cell| {
             let barred = view.barred(cell).filter(|barred| barred.bar >= from)?;
-            let to_parts = barred
-                .places(lattice, cell)
-                .map(|part| part.distance_to(place));
-            let nearest_m = to_parts.fold(f64::INFINITY, f64::min);
+            let nearest_m = barred.distance_m(lattice, cell, place);
             (nearest_m < clearance.from_cell_m(barred) + spare_m).then_some((nearest_m, cell))
         };
         let mut found: Vec<(f64, Cell)> = area.cells().filter_map(nearest_m).collect();
@@ -523,8 +521,8 @@ impl PathSearch<'_> {
         Some(grid)
     }
 
-    /// Returns how far to keep from the fence, metres, over nodes so far apart; `None` = nothing is driven. A vehicle, or its goal, may be nearer to it than wished: then that
-    /// much must do.
+    /// Returns how far to keep from the fence, metres, over nodes so far apart; `None` = nothing is driven. A vehicle, or
+    /// its goal, may be nearer to it than wished: then that much must do.
     fn fence_m(&self, keep_m: f64, goal: Option<Point>, node_m: Option<f64>) -> f64 {
         let (fence, reach_m) = (&self.settings.fence, self.settings.reach_m());
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();

@@ -1,4 +1,5 @@
-//! Answers that change nothing: metrics, checks, settings, files, who has seen a cell. Whoever asks must say a token of the server.
+//! Answers that change nothing: metrics, checks, settings, files, who has seen a cell. Whoever asks must say a token of the
+//! server.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! One connection to an autopilot: bytes out by [`Connection::write`], bytes in by a thread of its own until it ends. What bytes mean is
-//! not known here.
+//! One connection to an autopilot: bytes out by [`Connection::write`], bytes in by a thread of its own until it ends. What
+//! bytes mean is not known here.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream, ToSocketAddrs, UdpSocket};

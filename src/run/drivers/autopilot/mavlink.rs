@@ -1,5 +1,6 @@
-//! An autopilot that speaks MAVLink, on a thread of its own: keeps the connection open for ever, and carries bytes to the driver and
-//! what that says to the link and the connection. What messages mean is the driver's matter ([`crate::mavlink::autopilot_driver`]).
+//! An autopilot that speaks MAVLink, on a thread of its own: keeps the connection open for ever, and carries bytes to the
+//! driver and what that says to the link and the connection. What messages mean is the driver's matter
+//! ([`crate::mavlink::autopilot_driver`]).
 //!
 //! ```text
 //!   connection ─bytes─► reader ─► driver ─► Report, Ack ─► link; readings ─► range driver

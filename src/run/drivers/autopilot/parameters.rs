@@ -1,5 +1,5 @@
-//! A visit to an autopilot for its parameters, without a vehicle's process: opens the connection of its file, says and hears what
-//! the visit does ([`crate::mavlink::parameter_visit`]), and closes it.
+//! A visit to an autopilot for its parameters, without a vehicle's process: opens the connection of its file, says and
+//! hears what the visit does ([`crate::mavlink::parameter_visit`]), and closes it.
 
 use std::io;
 use std::path::Path;

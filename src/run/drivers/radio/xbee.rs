@@ -1,5 +1,5 @@
-//! An XBee on a serial line, on two threads of its own: one reads the port and opens it anew for ever when it is gone, the other
-//! lets the modem act. What bytes mean is the modem's matter ([`crate::hw::xbee_modem`]).
+//! An XBee on a serial line, on two threads of its own: one reads the port and opens it anew for ever when it is gone, the
+//! other lets the modem act. What bytes mean is the modem's matter ([`crate::hw::xbee_modem`]).
 //!
 //! ```text
 //!   port ─bytes─► reader ─► modem ─► Heard, Unsent ─► radio actor

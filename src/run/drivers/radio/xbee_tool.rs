@@ -1,5 +1,6 @@
-//! What a person does with a module on a serial line, without a vehicle: setting it up, and looking at its registers. Opens the port,
-//! carries bytes, and closes it; what they mean is said by [`crate::hw::xbee_setup`] and [`crate::hw::xbee_registers`].
+//! What a person does with a module on a serial line, without a vehicle: setting it up, and looking at its registers. Opens
+//! the port, carries bytes, and closes it; what they mean is said by [`crate::hw::xbee_setup`] and
+//! [`crate::hw::xbee_registers`].
 
 use std::io;
 use std::time::Duration;
@@ -47,8 +48,8 @@ pub enum XbeeToolError {
     },
 }
 
-/// Finds the module at a port, sets its registers and keeps them; `found` is told where it was, its baud rate and whether it spoke
-/// frames. Returns what it says of itself then.
+/// Finds the module at a port, sets its registers and keeps them; `found` is told where it was, its baud rate and whether
+/// it spoke frames. Returns what it says of itself then.
 ///
 /// # Errors
 /// The port cannot be used, nothing answers, or the module does not take what it is told.

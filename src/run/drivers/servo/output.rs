@@ -1,8 +1,9 @@
-//! Gives a servo its pulses at an output of this machine, on a thread of its own, newest pulse first; opens the output anew for ever
-//! when it is gone. When it ends, hardware goes on with its last pulse: a servo without one would let the sensor swing.
+//! Gives a servo its pulses at an output of this machine, on a thread of its own, newest pulse first; opens the output anew
+//! for ever when it is gone. When it ends, hardware goes on with its last pulse: a servo without one would let the sensor
+//! swing.
 //!
-//! Who measures with what the servo turns must know where it stands: a pulse counts as given when it was given in time while the
-//! output is open, or is wanted once more after that.
+//! Who measures with what the servo turns must know where it stands: a pulse counts as given when it was given in time
+//! while the output is open, or is wanted once more after that.
 
 use std::io;
 use std::time::{Duration, Instant};

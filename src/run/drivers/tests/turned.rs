@@ -1,4 +1,5 @@
-//! A range sensor on a pseudo-terminal, which says something all the time, and the servo that turns it, at a PWM chip that a folder plays.
+//! A range sensor on a pseudo-terminal, which says something all the time, and the servo that turns it, at a PWM chip that
+//! a folder plays.
 
 use std::fs::File;
 use std::io::Write;

@@ -1,5 +1,5 @@
-//! A simulated operator: its node, what it is interested in, and what it is to do by itself. One that only listens says nothing,
-//! and changes nothing.
+//! A simulated operator: its node, what it is interested in, and what it is to do by itself. One that only listens says
+//! nothing, and changes nothing.
 
 use tomoswarm_proto::{Interest, OperatorId};
 

@@ -1,5 +1,5 @@
-//! A simulated vehicle: its node, what its process was told, its disk, and whether its software runs. Its body and its devices are
-//! the environment's, its side of the bus is the network's.
+//! A simulated vehicle: its node, what its process was told, its disk, and whether its software runs. Its body and its
+//! devices are the environment's, its side of the bus is the network's.
 
 use tomoswarm_proto::{Boot, VehicleId};
 

@@ -67,8 +67,9 @@ pub(super) struct Ground<'a> {
 }
 
 impl Ground<'_> {
-    /// Returns the best look from a place at one of the candidates, and the ways to where it is taken from, of which some may be
-    /// known. When nothing of them can be seen from anywhere, the ways to all places; to those near by when there are none.
+    /// Returns the best look from a place at one of the candidates, and the ways to where it is taken from, of which some
+    /// may be known. When nothing of them can be seen from anywhere, the ways to all places; to those near by when there
+    /// are none.
     pub(super) fn best_look(
         &self,
         start: Point,
@@ -192,8 +193,8 @@ impl Ground<'_> {
     }
 }
 
-/// Returns whether something unknown may stand beside a frontier cell: one of the two cells behind it in some direction is neither
-/// occupied nor beside one that is. What stands beside a known surface is that surface.
+/// Returns whether something unknown may stand beside a frontier cell: one of the two cells behind it in some direction is
+/// neither occupied nor beside one that is. What stands beside a known surface is that surface.
 pub(super) fn hides_something(occupancy: &OccupancyGrid, cell: Cell) -> bool {
     [(1, 0), (0, 1), (-1, 0), (0, -1)]
         .into_iter()
@@ -212,8 +213,8 @@ pub(super) fn sees(occupancy: &OccupancyGrid, lattice: Lattice, from: Point, to:
         .all(|cell| occupancy.occupancy(cell) == Occupancy::Free)
 }
 
-/// Returns those cells of a kind that can be reached within a ring of costs, each with its cost in metres, the nearest first (in
-/// steps of [`COST_STEP_M`]).
+/// Returns those cells of a kind that can be reached within a ring of costs, each with its cost in metres, the nearest
+/// first (in steps of [`COST_STEP_M`]).
 fn by_cost(
     reached: &Distances,
     start: Cell,

@@ -1,5 +1,5 @@
-//! From where a place is surely not seen: what hides it from one direction hides it from all directions in which it stands, from
-//! farther away. Most rays need not be asked so; what is not surely hidden is asked.
+//! From where a place is surely not seen: what hides it from one direction hides it from all directions in which it stands,
+//! from farther away. Most rays need not be asked so; what is not surely hidden is asked.
 
 use crate::geom::{Cell, Lattice, Point};
 

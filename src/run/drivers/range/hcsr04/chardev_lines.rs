@@ -1,7 +1,8 @@
-//! Lines of an HC-SR04 by the GPIO character devices of the kernel, on any board. Chips are renumbered from kernel to kernel, so lines
-//! are found by name, and a name that two lines have is refused.
+//! Lines of an HC-SR04 by the GPIO character devices of the kernel, on any board. Chips are renumbered from kernel to
+//! kernel, so lines are found by name, and a name that two lines have is refused.
 //!
-//! The echo line is pulled down: one whose wire is broken would hear the hum of the mains, and be read as an obstacle's distance.
+//! The echo line is pulled down: one whose wire is broken would hear the hum of the mains, and be read as an obstacle's
+//! distance.
 
 use std::time::Duration;
 

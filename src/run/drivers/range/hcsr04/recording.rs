@@ -1,5 +1,5 @@
-//! Records what the echo line of an HC-SR04 does, for people whose sensor is read wrongly. The lines are taken for that alone; the
-//! vehicle's own process must not have them.
+//! Records what the echo line of an HC-SR04 does, for people whose sensor is read wrongly. The lines are taken for that
+//! alone; the vehicle's own process must not have them.
 
 use std::time::Duration;
 

@@ -1,7 +1,8 @@
-//! Lines of an HC-SR04 on a Raspberry Pi, by rppal: outputs by its registers, edges with the kernel's stamps. A line is named as the
-//! kernel names it, `GPIO` and its number (of the chip, not of the header).
+//! Lines of an HC-SR04 on a Raspberry Pi, by rppal: outputs by its registers, edges with the kernel's stamps. A line is
+//! named as the kernel names it, `GPIO` and its number (of the chip, not of the header).
 //!
-//! The echo line is pulled down: one whose wire is broken would hear the hum of the mains, and be read as an obstacle's distance.
+//! The echo line is pulled down: one whose wire is broken would hear the hum of the mains, and be read as an obstacle's
+//! distance.
 
 use std::time::Duration;
 
