@@ -1,12 +1,13 @@
-//! A vehicle: the list of its eight actors and how each is made, for every runtime. [`route`] says who hears whom.
+//! A vehicle: the list of its nine actors and how each is made, for every runtime. [`route`] says who hears whom.
 //!
-//! A fault of the range sensor's actor is mended by a fresh one. A fault of any other ends the node, the radio's too: its
-//! samples are numbered, and a fresh one would count from the beginning under the same start.
+//! A fault of the range sensor's actor, or of that of its health, is mended by a fresh one. A fault of any other ends the
+//! node, the radio's too: its samples are numbered, and a fresh one would count from the beginning under the same start.
 //!
 //! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
 mod from_config;
+pub mod health;
 mod last_pose;
 pub mod map;
 pub mod memory;
@@ -24,6 +25,7 @@ mod tests_support;
 pub mod vehicle;
 mod vehicle_node;
 
+use self::health::HealthActor;
 use self::map::Map;
 use self::mission::Mission;
 use self::outbox::Outbox;
@@ -55,6 +57,7 @@ pub struct Actors<P: Place<VehicleWiring>> {
     pub(crate) mission: P::Of<Mission>,
     pub(crate) radio: P::Of<Radio>,
     pub(crate) outbox: P::Of<Outbox>,
+    pub(crate) health: P::Of<HealthActor>,
 }
 
 impl Wiring for VehicleWiring {
@@ -135,6 +138,13 @@ impl Wiring for VehicleWiring {
                 make: |settings| Outbox::new(settings.vehicle),
                 output: Output::Outbox,
             }),
+            health: fill.actor(Wire {
+                name: "health",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Instant,
+                make: |settings| HealthActor::new(settings.vehicle, settings.boot),
+                output: Output::Health,
+            }),
         }
     }
 
@@ -149,6 +159,7 @@ impl Wiring for VehicleWiring {
             mission,
             radio,
             outbox,
+            health,
         } = actors;
         visitor.actor::<Stops>(stops);
         visitor.actor::<AutopilotLink>(autopilot);
@@ -158,6 +169,7 @@ impl Wiring for VehicleWiring {
         visitor.actor::<Mission>(mission);
         visitor.actor::<Radio>(radio);
         visitor.actor::<Outbox>(outbox);
+        visitor.actor::<HealthActor>(health);
     }
 
     fn event(event: Event) -> Output {
@@ -182,6 +194,7 @@ impl Wiring for VehicleWiring {
             Destination::Mission(input) => P::tell::<Mission>(&mut actors.mission, input),
             Destination::Radio(input) => P::tell::<Radio>(&mut actors.radio, input),
             Destination::Outbox(input) => P::tell::<Outbox>(&mut actors.outbox, input),
+            Destination::Health(input) => P::tell::<HealthActor>(&mut actors.health, input),
             Destination::Edge(effect) => carry_out(effect),
         }
     }
@@ -213,7 +226,8 @@ mod tests {
                 "map",
                 "mission",
                 "radio",
-                "outbox"
+                "outbox",
+                "health"
             ]
         );
     }

@@ -103,6 +103,13 @@ pub fn fitted(mut text: String, most_bytes: usize) -> String {
     text
 }
 
+/// Cuts what is wrong, in words, to what a message carries: the first 16, of 200 bytes each; a cut one shows that it is.
+#[must_use]
+pub fn fitted_troubles(troubles: Vec<String>) -> Vec<String> {
+    let fit = |trouble| fitted(trouble, TROUBLE_BYTES_MAX);
+    troubles.into_iter().take(TROUBLES_MAX).map(fit).collect()
+}
+
 pub(crate) fn require(holds: bool, expected: &'static str) -> CheckResult {
     if holds { Ok(()) } else { Err(expected) }
 }

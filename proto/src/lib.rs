@@ -21,7 +21,7 @@ mod message;
 mod units;
 
 pub use cells::packed as packed_cells;
-pub use check::{LOST_MAX, fitted};
+pub use check::{LOST_MAX, fitted, fitted_troubles};
 pub use id::{Boot, EmergencyName, LayerId, Lease, OperatorId, Revision, RunId, StopId, VehicleId};
 pub use key::{Key, MessageSubject, Sender, Topic};
 pub use kind::MessageKind;

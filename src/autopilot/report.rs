@@ -42,6 +42,8 @@ pub struct FlightState {
     pub altitude_m: f64,
     /// Upward speed, m/s.
     pub climb_mps: f64,
+    /// Which way it moves over ground; `None` = the way it faces.
+    pub course: Option<Angle>,
     /// Roll (positive = the right side is down) and pitch (positive = the nose is up); `None` = not told.
     pub tilt: Option<(Angle, Angle)>,
 }

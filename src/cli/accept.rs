@@ -11,12 +11,12 @@ use tomoswarm_proto::Sender;
 use super::accept_files::{
     CONFIGS, Files, is_enrolled, is_leaving, is_named, merged, new_files, user_in,
 };
-use super::enroll_files::{CA, CA_KEY, CERTIFICATE, KEY, ROSTER, VENUE};
+use super::enroll_files::{CA, CA_KEY, CERTIFICATE, KEY, ROSTER, VENUE, node_of};
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{check_same_venue, read_venue};
 use crate::config::{self, BusFile, Config, Identity, Venue};
-use crate::run::membership::{OPERATOR, seen_roster_issue};
+use crate::run::membership::seen_roster_issue;
 use crate::run::trust::{
     Certificate, CommonName, NewFile, Owner, Roster, TrustError, Trusted, is_as_replaced, own,
     read_limited_bytes, read_regular, replace_file, replace_folder,
@@ -298,17 +298,16 @@ impl Node {
 
 /// Returns what files of all kinds of nodes have; `None` = the file is of no node.
 fn parts(config: Config) -> Option<(Sender, Venue, BusFile, Option<String>)> {
-    match config {
-        Config::Vehicle(file) => Some((
-            Sender::Vehicle(file.id),
-            file.venue,
-            file.bus,
-            Some(file.state_dir),
-        )),
-        Config::Ground(file) => Some((Sender::Ground, file.venue, file.bus, Some(file.state_dir))),
-        Config::Operator(file) => Some((OPERATOR, file.venue, file.bus, None)),
-        Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => None,
-    }
+    let node = node_of(&config)?;
+    let (venue, bus, state_dir) = match config {
+        Config::Vehicle(file) => (file.venue, file.bus, Some(file.state_dir)),
+        Config::Ground(file) => (file.venue, file.bus, Some(file.state_dir)),
+        Config::Operator(file) => (file.venue, file.bus, None),
+        Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => {
+            return None;
+        }
+    };
+    Some((node, venue, bus, state_dir))
 }
 
 /// Returns the name of the only configuration among the files of a folder.

@@ -4,14 +4,16 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use tomoswarm_proto::{Sender, VehicleId};
+use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
-use super::enroll_files::{CA, CA_KEY, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name};
+use super::enroll_files::{
+    CA, CA_KEY, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name, node_of,
+};
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
 use crate::config::{self, Topology, Venue};
-use crate::run::membership::OPERATOR;
+use crate::run::membership::FIRST_OPERATOR;
 use crate::run::trust::{
     CommonName, IssuedCertificate, NewFile, Roster, is_host, write_new_folder,
 };
@@ -22,7 +24,8 @@ use crate::run::trust::{
 /// machine. Every node then gets a folder of its own with certificate, key, roster, venue and configuration, which `tomoswarm
 /// accept` takes over on its machine.
 ///
-/// All nodes in one call: --ground, --vehicle and --operator. Those enrolled already stay as they are.
+/// All nodes in one call: --ground, --vehicle and --operator. Those enrolled already stay as they are. Each machine from
+/// which orders are given is an operator with a number of its own (--operator, --operator=2=laptop.local).
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct EnrollArgs {
@@ -33,12 +36,12 @@ pub struct EnrollArgs {
     #[arg(
         value_name = "NODE",
         value_enum,
-        required_unless_present_any = ["revoke", "ground", "vehicles", "operator"],
-        conflicts_with_all = ["revoke", "ground", "vehicles", "operator"]
+        required_unless_present_any = ["revoke", "ground", "vehicles", "operators"],
+        conflicts_with_all = ["revoke", "ground", "vehicles", "operators"]
     )]
     pub node: Option<EnrolledNode>,
-    /// Number of the vehicle, 1 to 250
-    #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
+    /// Number of the vehicle, 1 to 250, or of the operator [default: 1]
+    #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
     pub number: Option<u8>,
     /// The ground station, and the hosts under which others reach it
     #[arg(long, value_name = "H[,H]", value_parser = hosts_in, conflicts_with_all = ["ground_host", "revoke"])]
@@ -46,14 +49,22 @@ pub struct EnrollArgs {
     /// A vehicle with its hosts; may be given several times
     #[arg(long = "vehicle", value_name = "N=H[,H]", value_parser = vehicle_in, conflicts_with = "revoke")]
     pub vehicles: Vec<(VehicleId, Hosts)>,
-    /// The operator's commands
-    #[arg(long, conflicts_with = "revoke")]
-    pub operator: bool,
+    /// An operator's commands, of the first unless a number is given, and its host; may be given several times
+    #[arg(
+        long = "operator",
+        value_name = "N=H[,H]",
+        value_parser = operator_in,
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "1",
+        conflicts_with = "revoke"
+    )]
+    pub operators: Vec<(OperatorId, Option<Hosts>)>,
     /// The venue file, the same for all nodes
     #[arg(long, value_name = "FILE", required_unless_present = "revoke")]
     pub venue: Option<PathBuf>,
     /// A name or address under which others reach NODE; may be given several times
-    #[arg(long = "host", value_name = "H", conflicts_with_all = ["ground", "vehicles", "operator"])]
+    #[arg(long = "host", value_name = "H", conflicts_with_all = ["ground", "vehicles", "operators"])]
     pub hosts: Vec<String>,
     /// Name or address under which the node reaches the ground station
     #[arg(long, value_name = "H", default_value = "127.0.0.1")]
@@ -65,10 +76,10 @@ pub struct EnrollArgs {
     #[arg(long, value_enum, default_value = "mesh")]
     pub topology: EnrolledTopology,
     /// Folder on the node for what outlives it [default: /var/lib/tomoswarm/NODE]
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["ground", "vehicles", "operator"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["ground", "vehicles", "operators"])]
     pub state_dir: Option<String>,
     /// Give an enrolled NODE a new certificate; the old one ends
-    #[arg(long, conflicts_with_all = ["ground", "vehicles", "operator"])]
+    #[arg(long, conflicts_with_all = ["ground", "vehicles", "operators"])]
     pub replace: bool,
     /// Take a node out of the roster: ground, vehicle-N or operator-N
     #[arg(long, value_name = "NAME", conflicts_with_all = ["replace", "hosts"])]
@@ -81,6 +92,7 @@ Without hosts the nodes are reached on their own machine only.
 Examples:
   tomoswarm enroll swarm --venue yard.venue.toml --ground ground.local --vehicle 1=rover1.local --vehicle 2=rover2.local --operator
   tomoswarm enroll swarm --venue yard.venue.toml vehicle 3 --host rover3.local --ground-host ground.local
+  tomoswarm enroll swarm --venue yard.venue.toml operator 2 --ground-host ground.local
   tomoswarm enroll swarm --venue yard.venue.toml vehicle 1 --host rover1.local --ground-host ground.local --replace
   tomoswarm enroll swarm --revoke vehicle-1
 
@@ -109,6 +121,18 @@ fn vehicle_in(text: &str) -> Result<(VehicleId, Hosts), String> {
     }
 }
 
+/// Reads the number of an operator, with its hosts where it has some.
+fn operator_in(text: &str) -> Result<(OperatorId, Option<Hosts>), String> {
+    let (number, hosts) = match text.split_once('=') {
+        Some((number, hosts)) => (number, Some(hosts_in(hosts)?)),
+        None => (text, None),
+    };
+    match CommonName::node_of(&format!("operator-{number}")) {
+        Some(Sender::Operator(id)) if id.0 > 0 => Ok((id, hosts)),
+        Some(_) | None => Err("N or N=HOST is expected, N from 1 to 255".to_owned()),
+    }
+}
+
 fn no_host(host: &str) -> String {
     format!("{host:?}: is no host; an IP address or a host name is expected")
 }
@@ -120,7 +144,7 @@ pub enum EnrolledNode {
     Ground,
     /// A vehicle; its number follows.
     Vehicle,
-    /// The operator's commands.
+    /// An operator's commands; its number may follow.
     Operator,
 }
 
@@ -215,7 +239,12 @@ impl EnrollArgs {
         if !swarm.list_in_ground(&next)? {
             said += "the ground station's file was edited: add the vehicles to its list `vehicles` by hand\n";
         }
-        swarm.name_in_operator(&reached_before, &swarm.reached(&next))?;
+        for operator in swarm.name_in_operators(&reached_before, &next)? {
+            let name = CommonName::node_name(Sender::Operator(operator));
+            said += &format!(
+                "the file of {name} was edited: add the vehicles' endpoints to its list `connect` by hand\n"
+            );
+        }
         let is_new = |node| new.iter().any(|new| new.name.node == node);
         said += "on the machine of each:\n";
         for node in &new {
@@ -310,9 +339,12 @@ impl EnrollArgs {
             .vehicles
             .iter()
             .map(|(id, hosts)| (Sender::Vehicle(*id), hosts.0.clone()));
-        let operator = self.operator.then(|| (OPERATOR, Vec::new()));
+        let operators = self.operators.iter().map(|(id, hosts)| {
+            let hosts = hosts.as_ref().map(|hosts| hosts.0.clone());
+            (Sender::Operator(*id), hosts.unwrap_or_default())
+        });
         let mut wanted: Vec<WantedNode> = Vec::new();
-        for (node, hosts) in ground.chain(vehicles).chain(operator) {
+        for (node, hosts) in ground.chain(vehicles).chain(operators) {
             if wanted.iter().any(|other| other.node == node) {
                 let name = CommonName::node_name(node);
                 return Err(CliError::Usage(format!("{name} is given twice")));
@@ -325,16 +357,23 @@ impl EnrollArgs {
     fn wanted_node(&self) -> Result<Sender, CliError> {
         match (self.node, self.number) {
             (Some(EnrolledNode::Ground), None) => Ok(Sender::Ground),
-            (Some(EnrolledNode::Operator), None) => Ok(OPERATOR),
-            (Some(EnrolledNode::Vehicle), Some(number)) => Ok(Sender::Vehicle(VehicleId(number))),
+            (Some(EnrolledNode::Operator), number) => {
+                Ok(Sender::Operator(number.map_or(FIRST_OPERATOR, OperatorId)))
+            }
+            (Some(EnrolledNode::Vehicle), Some(number @ 1..=250)) => {
+                Ok(Sender::Vehicle(VehicleId(number)))
+            }
+            (Some(EnrolledNode::Vehicle), Some(number)) => Err(CliError::Usage(format!(
+                "vehicle {number}: vehicles have numbers from 1 to 250"
+            ))),
             (Some(EnrolledNode::Vehicle), None) => Err(CliError::Usage(
                 "vehicle: its number is missing; vehicle N is expected, 1 to 250".to_owned(),
             )),
-            (Some(EnrolledNode::Ground | EnrolledNode::Operator), Some(number)) => Err(
-                CliError::Usage(format!("{number}: only vehicles have numbers")),
-            ),
+            (Some(EnrolledNode::Ground), Some(number)) => Err(CliError::Usage(format!(
+                "{number}: there is one ground station, which has no number"
+            ))),
             (None, _) => Err(CliError::Usage(
-                "ground, vehicle N or operator is expected".to_owned(),
+                "ground, vehicle N or operator [N] is expected".to_owned(),
             )),
         }
     }
@@ -373,7 +412,7 @@ impl EnrollArgs {
             true => read::text(&own_file)?,
             false => self.config_of(swarm, node, hosts, next).text(venue)?,
         };
-        check_config(&own_file, &config, venue)?;
+        check_config(node, &own_file, &config, venue)?;
         Ok(vec![
             NewFile::open(CA, swarm.authority.certificate_pem()),
             NewFile::open(CERTIFICATE, issued.certificate_pem.clone()),
@@ -421,10 +460,21 @@ fn without_folders(swarm: &Swarm, wanted: &[WantedNode]) -> String {
         .collect()
 }
 
-/// Refuses a configuration that `tomoswarm check` would refuse.
-fn check_config(path: &Path, text: &str, venue: &str) -> Result<(), CliError> {
-    config::read(&read::shown(path), text, &mut |_| Ok(venue.to_owned()))?;
-    Ok(())
+/// Refuses a configuration that `tomoswarm check` would refuse, and that of another node.
+fn check_config(node: Sender, path: &Path, text: &str, venue: &str) -> Result<(), CliError> {
+    let config = config::read(&read::shown(path), text, &mut |_| Ok(venue.to_owned()))?;
+    match node_of(&config) {
+        Some(found) if found == node => Ok(()),
+        found => {
+            let found = found.map_or("no node".to_owned(), CommonName::node_name);
+            let wanted = CommonName::node_name(node);
+            let reason = format!("is the configuration of {found}; that of {wanted} is expected");
+            Err(CliError::Input {
+                path: path.to_owned(),
+                reason,
+            })
+        }
+    }
 }
 
 fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
@@ -439,17 +489,19 @@ fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
 
 /// Returns what takes a node's folder over on its machine.
 fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
-    if let Sender::Operator(_) = node {
-        let config = folder.join(file_name(node));
-        return format!("  tomoswarm preflight {}\n", config.display());
-    }
-    let name = CommonName::node_name(node);
+    let (name, file) = (CommonName::node_name(node), file_name(node));
     let folder = folder.display();
-    match hosts.iter().find(|host| is_far(host)) {
-        Some(host) => format!(
+    match (node, hosts.iter().find(|host| is_far(host))) {
+        (Sender::Operator(_), Some(host)) => {
+            format!("  scp -pr {folder} {host}:, and there: tomoswarm preflight {name}/{file}\n")
+        }
+        (Sender::Operator(_), None) => format!("  tomoswarm preflight {folder}/{file}\n"),
+        (Sender::Ground | Sender::Vehicle(_), Some(host)) => format!(
             "  scp -pr {folder} {host}: && ssh -t {host} sudo tomoswarm accept {name} --start\n"
         ),
-        None => format!("  sudo tomoswarm accept {folder} --start\n"),
+        (Sender::Ground | Sender::Vehicle(_), None) => {
+            format!("  sudo tomoswarm accept {folder} --start\n")
+        }
     }
 }
 
@@ -459,15 +511,22 @@ fn roster_advice(swarm: &Swarm, next: &Roster, has_it: impl Fn(Sender) -> bool) 
     let roster = roster.display();
     let mut text = String::new();
     for node in next.allowed.iter().map(|entry| entry.name.node) {
-        if has_it(node) || matches!(node, Sender::Operator(_)) {
+        if has_it(node) {
             continue;
         }
         let hosts = swarm.hosts_of(node);
-        let line = match hosts.iter().find(|host| is_far(host)) {
-            Some(host) => {
+        let line = match (node, hosts.iter().find(|host| is_far(host))) {
+            // Its commands read its folder each time, and in a mesh its file names the new vehicles.
+            (Sender::Operator(_), Some(host)) => {
+                format!("  scp -pr {} {host}:\n", swarm.node_folder(node).display())
+            }
+            (Sender::Operator(_), None) => continue,
+            (Sender::Ground | Sender::Vehicle(_), Some(host)) => {
                 format!("  scp {roster} {host}: && ssh -t {host} sudo tomoswarm accept {ROSTER}\n")
             }
-            None => format!("  sudo tomoswarm accept {roster}\n"),
+            (Sender::Ground | Sender::Vehicle(_), None) => {
+                format!("  sudo tomoswarm accept {roster}\n")
+            }
         };
         // Several nodes of one machine are told once.
         if !text.contains(&line) {

@@ -2,7 +2,7 @@
 
 use tomoswarm_proto::{Sender, VehicleId};
 
-use crate::config::{self, Endpoint, Problems, Protocol, Topology, quoted};
+use crate::config::{self, Config, Endpoint, Problems, Protocol, Topology, quoted};
 
 /// Certificate of the authority.
 pub(super) const CA: &str = "ca.pem";
@@ -44,6 +44,16 @@ pub(super) fn file_name(node: Sender) -> &'static str {
         Sender::Ground => "ground.toml",
         Sender::Vehicle(_) => "vehicle.toml",
         Sender::Operator(_) => "operator.toml",
+    }
+}
+
+/// Returns which node a configuration is of; `None` = of none.
+pub(super) fn node_of(config: &Config) -> Option<Sender> {
+    match config {
+        Config::Vehicle(file) => Some(Sender::Vehicle(file.id)),
+        Config::Ground(_) => Some(Sender::Ground),
+        Config::Operator(file) => Some(Sender::Operator(file.id)),
+        Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => None,
     }
 }
 
@@ -140,7 +150,9 @@ impl NodeConfig {
                     "kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\n{state}{DRIVERS}{RECORD}"
                 )
             }
-            Sender::Operator(_) => "kind = \"operator\"\nvenue = \"venue.toml\"\n".to_owned(),
+            Sender::Operator(id) => {
+                format!("kind = \"operator\"\nvenue = \"venue.toml\"\nid = {id}\n")
+            }
         };
         format!("{own}\n{}", self.bus())
     }

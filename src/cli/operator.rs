@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Hello, VehicleId};
+use tomoswarm_proto::{Boot, Hello, OperatorId, Sender, VehicleId};
 
 use super::error::CliError;
 use super::read;
@@ -15,7 +15,7 @@ use crate::config::{self, BusFile, Config, Endpoint, MavlinkServing, Protocol, T
 use crate::operator::operator_actor::OperatorSettings;
 use crate::run::bus::{BusError, BusSettings};
 use crate::run::live_operator::LiveOperator;
-use crate::run::membership::{self, OPERATOR, RandomUnavailable};
+use crate::run::membership::{self, FIRST_OPERATOR, RandomUnavailable};
 use crate::run::operator_session::Session;
 
 /// What a command knows before it hears anything.
@@ -39,7 +39,7 @@ impl OperatorContext {
         let text = read::text(path)?;
         match config::read(&read::shown(path), &text, &mut read::around(path))? {
             Config::Operator(file) => {
-                let settings = settings(path, &file.venue, &file.bus)?;
+                let settings = settings(file.id, path, &file.venue, &file.bus)?;
                 Ok(OperatorContext {
                     settings,
                     venue: file.venue,
@@ -57,7 +57,8 @@ impl OperatorContext {
                 })
             }
             Config::Ground(file) => {
-                let settings = settings(path, &file.venue, &beside_ground(&file.bus))?;
+                let bus = beside_ground(&file.bus);
+                let settings = settings(FIRST_OPERATOR, path, &file.venue, &bus)?;
                 Ok(OperatorContext {
                     settings,
                     venue: file.venue,
@@ -106,7 +107,7 @@ impl OperatorContext {
 
     fn operator(&self, greets: bool) -> Result<OperatorSettings, RandomUnavailable> {
         // An operator's tool counts no starts.
-        let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
+        let hello = membership::greeting(self.settings.node, Boot(0), &self.venue, Vec::new())?;
         Ok(OperatorSettings {
             hello: Hello {
                 is_member: true,
@@ -174,7 +175,13 @@ fn reached(endpoint: &Endpoint) -> Endpoint {
     }
 }
 
-fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, CliError> {
+fn settings(
+    operator: OperatorId,
+    path: &Path,
+    venue: &Venue,
+    file: &BusFile,
+) -> Result<BusSettings, CliError> {
+    let node = Sender::Operator(operator);
     if file.connect.is_empty() {
         let reason = "names no endpoint with a port by which the swarm can be reached".to_owned();
         return Err(CliError::Input {
@@ -182,7 +189,7 @@ fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, C
             reason,
         });
     }
-    let access = membership::access(OPERATOR, venue, file, None);
+    let access = membership::access(node, venue, file, None);
     let access = access.map_err(|error| CliError::Usage(error.to_string()))?;
-    Ok(membership::bus_settings(OPERATOR, venue, file, access))
+    Ok(membership::bus_settings(node, venue, file, access))
 }

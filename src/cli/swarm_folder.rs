@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use tomoswarm_proto::{Sender, VehicleId};
+use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 use super::enroll_files::{
     CA, CA_KEY, CERTIFICATE, ROSTER, VENUE, endpoint_list, file_name, vehicle_list, with_end,
@@ -13,7 +13,6 @@ use super::enroll_files::{
 use super::error::CliError;
 use super::read;
 use crate::config::{self, Config, Endpoint, Protocol, Venue};
-use crate::run::membership::OPERATOR;
 use crate::run::trust::{
     Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, is_private,
     read_limited, replace_file, write_new_folder,
@@ -188,19 +187,28 @@ impl Swarm {
         })
     }
 
-    /// Names the vehicles that are reached in the configuration of the operator of a mesh, where that list ends as it was
-    /// written.
-    pub(super) fn name_in_operator(
+    /// Names the vehicles that are reached in the configurations of the operators of a mesh, where that list ends as it was
+    /// written; returns those operators where it does not.
+    pub(super) fn name_in_operators(
         &self,
         before: &[Endpoint],
-        after: &[Endpoint],
-    ) -> Result<(), CliError> {
-        let (before, after) = (endpoint_list(before), endpoint_list(after));
-        self.edit_config(OPERATOR, |text| {
-            let mesh = Some(text).filter(|text| text.contains("topology = \"mesh\""))?;
-            with_list(mesh, "connect", |list| with_end(list, &before, &after))
-        })?;
-        Ok(())
+        next: &Roster,
+    ) -> Result<Vec<OperatorId>, CliError> {
+        let mut edited_by_hand = Vec::new();
+        let (before, after) = (endpoint_list(before), endpoint_list(&self.reached(next)));
+        for operator in operators_of(next) {
+            let says_it = self.edit_config(Sender::Operator(operator), |text| {
+                let is_mesh = text.contains("topology = \"mesh\"");
+                if !is_mesh || before == after {
+                    return Some(text.to_owned());
+                }
+                with_list(text, "connect", |list| with_end(list, &before, &after))
+            })?;
+            if !says_it {
+                edited_by_hand.push(operator);
+            }
+        }
+        Ok(edited_by_hand)
     }
 
     /// Edits the configuration of a node, if there is one; returns whether it says then what it is to say. `edited` gives
@@ -352,14 +360,24 @@ pub(super) fn read_venue(path: &Path, text: &str) -> Result<Venue, CliError> {
 
 /// Returns the vehicles that a roster allows, ascending.
 pub(super) fn vehicles_of(roster: &Roster) -> Vec<VehicleId> {
-    let vehicle = |node: Sender| match node {
+    nodes_of(roster, |node| match node {
         Sender::Vehicle(id) => Some(id),
         Sender::Ground | Sender::Operator(_) => None,
-    };
-    let ids: BTreeSet<VehicleId> = roster
+    })
+}
+
+/// Returns the operators that a roster allows, ascending.
+fn operators_of(roster: &Roster) -> Vec<OperatorId> {
+    nodes_of(roster, |node| match node {
+        Sender::Operator(id) => Some(id),
+        Sender::Ground | Sender::Vehicle(_) => None,
+    })
+}
+
+fn nodes_of<Id: Ord>(roster: &Roster, id_of: impl Fn(Sender) -> Option<Id>) -> Vec<Id> {
+    let ids = roster
         .allowed
         .iter()
-        .filter_map(|entry| vehicle(entry.name.node))
-        .collect();
-    ids.into_iter().collect()
+        .filter_map(|entry| id_of(entry.name.node));
+    ids.collect::<BTreeSet<Id>>().into_iter().collect()
 }

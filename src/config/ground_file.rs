@@ -1,12 +1,14 @@
 //! The files of the ground station's node and of an operator's commands. Opens nothing of what they name but the venue.
 
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::{OperatorId, RunId, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
 use super::forms::{LoadedFile, Text};
 use super::imaging::{GroundImaging, Imaging};
-use super::keys::{Flag, Form, KeyEntry, Keyed, Keys, NumberBounds, read_table, written_list};
+use super::keys::{
+    Flag, Form, KeyEntry, Keyed, Keys, NumberBounds, Whole, read_table, written_list,
+};
 use super::mavlink_serving::MavlinkServing;
 use super::mission::{SweepConfig, SweepTable, check_sweep};
 use super::radio::Reception;
@@ -203,9 +205,14 @@ impl Form for Vehicles<'_> {
     }
 }
 
+/// The numbers that operators may have.
+const OPERATOR_IDS: std::ops::RangeInclusive<usize> = 1..=255;
+
 /// What an operator's commands (`order`, `status`, `tap`, `preflight`) and whoever shows the swarm over MAVLink are told.
 #[derive(Clone, PartialEq, Debug)]
 pub struct OperatorFile {
+    /// Which operator it is, from 1.
+    pub id: OperatorId,
     /// The file of the place, with its folder.
     pub venue_file: String,
     /// The place.
@@ -220,6 +227,7 @@ impl OperatorFile {
     /// Returns a file of nothing, to be filled.
     pub(super) fn blank() -> OperatorFile {
         OperatorFile {
+            id: OperatorId(1),
             venue_file: String::new(),
             venue: Venue::blank(),
             bus: BusFile::default(),
@@ -243,6 +251,7 @@ impl OperatorFile {
 impl Keyed for OperatorFile {
     fn keys(&mut self, to: &mut dyn Keys) {
         let OperatorFile {
+            id,
             venue_file,
             venue: _,
             bus,
@@ -257,6 +266,17 @@ impl Keyed for OperatorFile {
                 means,
             },
         );
+        let mut number = usize::from(id.0);
+        to.whole(
+            &mut number,
+            Whole {
+                name: "id",
+                default: 1,
+                allowed: OPERATOR_IDS,
+                means: "which operator; several machines that give orders have different numbers",
+            },
+        );
+        *id = OperatorId(u8::try_from(number).unwrap_or(1));
         let mut joined = BusFileTable {
             bus,
             role: Role::Operator,

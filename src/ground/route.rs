@@ -26,6 +26,8 @@ pub enum Event {
     Bus(Sender, Message),
     /// Samples can be stored, or cannot.
     StoresSamples(bool),
+    /// What is wrong with the process, in words.
+    Troubles(Vec<String>),
 }
 
 /// What the ground station wants done outside, in this order: what it remembers must be stored before what follows is
@@ -95,6 +97,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Edge(Event::Bus(sender, message)) => return route_message(sender, message, to),
         Output::Edge(Event::StoresSamples(can)) => {
             Destination::Station(station::In::StoresSamples(can))
+        }
+        Output::Edge(Event::Troubles(troubles)) => {
+            Destination::Station(station::In::Troubles(troubles))
         }
         Output::Stops(out) => return route_stops(out, to),
         Output::Station(station::Out::Publish(message)) => {

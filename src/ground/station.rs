@@ -94,6 +94,8 @@ pub struct Station {
     stores_samples: bool,
     /// Messages of vehicles that are not expected.
     strangers: u64,
+    /// What is wrong with its process, in words.
+    of_process: Vec<String>,
     /// What was remembered last.
     stored: Option<StoredState>,
 }
@@ -120,6 +122,7 @@ impl Station {
             ticks: Ticks::default(),
             stores_samples: true,
             strangers: 0,
+            of_process: Vec::new(),
             stored: None,
         };
         station.stored = Some(StoredState::of(station.parts_to_remember()));
@@ -520,6 +523,7 @@ impl Station {
             runs: &self.runs,
             execution: &self.execution,
             strangers: self.strangers,
+            of_process: &self.of_process,
         }
     }
 }
@@ -540,6 +544,7 @@ impl Actor for Station {
             }
             In::Planned(_) => {}
             In::StoresSamples(can) => self.stores_samples = can,
+            In::Troubles(of_process) => self.of_process = of_process,
             In::Stops(open) => {
                 self.fleet.stop(&open);
                 self.update_order(now, out);

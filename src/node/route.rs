@@ -16,6 +16,7 @@
 //!  vehicle, mission ──Remember──► disk ──Remembered──► vehicle, mission
 //!  bus ──Standing, Order──► stops ──which stops are open──► vehicle, mission, radio      stops ──Standing──► bus, disk
 //!  radio ──a peer's beacon names a stop──► stops
+//!  edge ──Facts──► health ◄── State, what the link meets, beacons' members, how the outbox fares      health ──Health──► bus
 //! ```
 
 use std::fmt;
@@ -23,7 +24,7 @@ use std::fmt;
 use tomoswarm_proto::{Beacon, Boot, Fix, Interest, Message, OpenStops, RunId, Sample, Sender};
 
 use super::memory::{Remembered, VehicleMemory};
-use super::{map, mission, outbox, radio, sensor, vehicle};
+use super::{health, map, mission, outbox, radio, sensor, vehicle};
 use crate::autopilot::{self, Ack, AutopilotReport, NumberedCommand, link};
 use crate::geom::Angle;
 use crate::stops;
@@ -51,6 +52,8 @@ pub enum Event {
     Dropped(outbox::DroppedSamples),
     /// How it stands with what was to be remembered.
     Remembered(Remembered),
+    /// What the edge knows of the machine and its devices, once a second.
+    Facts(Box<health::HealthFacts>),
 }
 
 /// What a vehicle wants done outside.
@@ -85,8 +88,6 @@ pub enum Effect {
         /// The place; `None` = from the beginning.
         after: Option<outbox::SampleKey>,
     },
-    /// How the outbox fares, for the operator.
-    Tally(outbox::OutboxCounts),
     /// This shall outlive the software, joined with what does already; the answer is an [`Event::Remembered`].
     Remember(VehicleMemory),
     /// These emergency stops shall outlive the software, in place of those that did before.
@@ -106,6 +107,8 @@ pub enum VehicleEvent {
     Mission(mission::MissionEvent),
     /// Emergency stops were opened or lifted.
     Stops(stops::StopEvent),
+    /// The autopilot is silent, or no more.
+    Health(health::HealthEvent),
 }
 
 impl fmt::Display for VehicleEvent {
@@ -115,6 +118,7 @@ impl fmt::Display for VehicleEvent {
             VehicleEvent::Vehicle(event) => event.fmt(f),
             VehicleEvent::Mission(event) => event.fmt(f),
             VehicleEvent::Stops(event) => event.fmt(f),
+            VehicleEvent::Health(event) => event.fmt(f),
         }
     }
 }
@@ -140,6 +144,8 @@ pub enum Output {
     Radio(radio::Out),
     /// By the outbox.
     Outbox(outbox::Out),
+    /// By the health actor.
+    Health(health::Out),
 }
 
 /// Where it goes.
@@ -161,6 +167,8 @@ pub enum Destination {
     Radio(radio::In),
     /// To the outbox.
     Outbox(outbox::In),
+    /// To the health actor.
+    Health(health::In),
     /// To the outside.
     Edge(Effect),
 }
@@ -172,17 +180,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Autopilot(link::In::Report(report)))
         }
         Output::Edge(Event::Ack(ack)) => to.push(Destination::Autopilot(link::In::Ack(ack))),
-        Output::Autopilot(out) => to.push(match out {
-            link::Out::Command(command) => Destination::Edge(Effect::Command(command)),
-            link::Out::Fix(from, fix) => Destination::Edge(Effect::Fix(from, fix)),
-            link::Out::Telemetry(telemetry) => {
-                Destination::Vehicle(vehicle::In::Telemetry(telemetry))
-            }
-            link::Out::Status(status) => Destination::Vehicle(vehicle::In::Autopilot(status)),
-            link::Out::LinkEvent(event) => {
-                Destination::Edge(Effect::VehicleEvent(VehicleEvent::Autopilot(event)))
-            }
-        }),
+        Output::Autopilot(out) => route_autopilot(out, to),
         Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
         Output::Edge(Event::Heard(heard)) => to.push(Destination::Radio(radio::In::Heard(heard))),
         Output::Edge(Event::Unsent(sequence)) => {
@@ -204,6 +202,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Vehicle(vehicle::In::Remembered(remembered)));
             to.push(Destination::Mission(mission::In::Remembered(remembered)));
         }
+        Output::Edge(Event::Facts(facts)) => to.push(Destination::Health(health::In::Facts(facts))),
         Output::Stops(out) => route_stops(out, to),
         Output::Vehicle(out) => route_vehicle(out, to),
         Output::Sensor(sensor::Out::Steer(beam)) => to.push(Destination::Edge(Effect::Steer(beam))),
@@ -227,7 +226,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         }
         Output::Mission(out) => route_mission(out, to),
         Output::Radio(radio::Out::Transmit(beacon)) => {
-            to.push(Destination::Edge(Effect::Transmit(beacon)))
+            let members = beacon.members.clone();
+            to.push(Destination::Edge(Effect::Transmit(beacon)));
+            to.push(Destination::Health(health::In::Hears(members)));
         }
         Output::Radio(radio::Out::Sample(run, sample)) => {
             to.push(Destination::Edge(Effect::Keep(run, sample)));
@@ -239,17 +240,39 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Radio(radio::Out::Stop(by, stop)) => {
             to.push(Destination::Stops(stops::In::Beacon(by, stop)))
         }
-        Output::Outbox(out) => to.push(Destination::Edge(outbox_effect(out))),
+        Output::Outbox(out) => to.push(route_outbox(out)),
+        Output::Health(health::Out::Publish(health)) => {
+            to.push(Destination::Edge(Effect::Publish(Message::Health(*health))))
+        }
+        Output::Health(health::Out::HealthEvent(event)) => {
+            to.push(Destination::Edge(Effect::VehicleEvent(
+                VehicleEvent::Health(event),
+            )));
+        }
     }
 }
 
-fn outbox_effect(out: outbox::Out) -> Effect {
-    match out {
+fn route_autopilot(out: link::Out, to: &mut Vec<Destination>) {
+    let destination = match out {
+        link::Out::Command(command) => Destination::Edge(Effect::Command(command)),
+        link::Out::Fix(from, fix) => Destination::Edge(Effect::Fix(from, fix)),
+        link::Out::Telemetry(telemetry) => Destination::Vehicle(vehicle::In::Telemetry(telemetry)),
+        link::Out::Status(status) => Destination::Vehicle(vehicle::In::Autopilot(status)),
+        link::Out::LinkEvent(event) => {
+            to.push(Destination::Health(health::In::Link(event)));
+            Destination::Edge(Effect::VehicleEvent(VehicleEvent::Autopilot(event)))
+        }
+    };
+    to.push(destination);
+}
+
+fn route_outbox(out: outbox::Out) -> Destination {
+    Destination::Edge(match out {
         outbox::Out::Publish(samples) => Effect::Publish(Message::Samples(samples)),
         outbox::Out::Forget { boot, run, below } => Effect::Forget { boot, run, below },
         outbox::Out::Recall { after } => Effect::Recall { after },
-        outbox::Out::Tally(tally) => Effect::Tally(tally),
-    }
+        outbox::Out::Tally(tally) => return Destination::Health(health::In::Tally(tally)),
+    })
 }
 
 fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
@@ -347,7 +370,9 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
         vehicle::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         vehicle::Out::Order(order) => to.push(Destination::Mission(mission::In::Order(order))),
         vehicle::Out::Publish(state) => {
-            to.push(Destination::Edge(Effect::Publish(Message::State(state))))
+            let is_armed = state.is_armed;
+            to.push(Destination::Edge(Effect::Publish(Message::State(state))));
+            to.push(Destination::Health(health::In::State { is_armed }));
         }
         vehicle::Out::SafetyEvent(event) => {
             to.push(Destination::Mission(mission::In::SafetyEvent(

@@ -1,4 +1,4 @@
-//! The eight actors of a vehicle with their inboxes, run together on one thread.
+//! The nine actors of a vehicle with their inboxes, run together on one thread.
 //!
 //! This is how the simulator runs a vehicle. A live node runs the same actors on several threads: [`super`] says
 //! which there are and [`super::route`] what goes where, in both.

@@ -123,7 +123,6 @@ impl VehicleDevices {
             | Effect::Keep(..)
             | Effect::Forget { .. }
             | Effect::Recall { .. }
-            | Effect::Tally(_)
             | Effect::Remember(_)
             | Effect::KeepStops(_)
             | Effect::VehicleEvent(_) => {}
@@ -232,7 +231,8 @@ fn is_of_simulated(drivers: &Drivers, event: &Event) -> bool {
         | Event::SampleStored(..)
         | Event::Recalled(_)
         | Event::Dropped(_)
-        | Event::Remembered(_) => false,
+        | Event::Remembered(_)
+        | Event::Facts(_) => false,
     }
 }
 

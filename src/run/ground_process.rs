@@ -36,7 +36,7 @@ use super::state_dir::{StateDir, StateDirError};
 use super::swarm_mavlink::SwarmMavlink;
 use super::trust::TrustError;
 use super::vehicle_process::{
-    RecordedNode, recorder, recording_health, short, watch_folder, watch_recorder, watch_stops,
+    RecordedNode, recorder, recording_health, watch_folder, watch_recorder, watch_stops,
 };
 use crate::config::{self, Config, GroundFile};
 use crate::ground::ActorSettings;
@@ -199,6 +199,7 @@ pub fn run(
         of_itself
             .iter()
             .for_each(|message| edge.publisher.publish(message));
+        node.tell(Event::Troubles(troubles.list()));
         let report = lock(&edge.report).clone();
         status(&GroundStatus {
             report,
@@ -424,7 +425,6 @@ impl Edge {
                 self.publisher.publish(&Message::Plan(plan));
             }
             Message::Report(report) => {
-                let report = with_troubles(report, self.troubles.list());
                 self.publisher.publish(&Message::Report(report.clone()));
                 *lock(&self.report) = Some(report);
             }
@@ -473,12 +473,6 @@ fn watch_mavlink(mavlink: Option<&SwarmMavlink>, troubles: &Troubles) {
         Some(trouble) => troubles.raise("mavlink", trouble),
         None => troubles.clear("mavlink"),
     }
-}
-
-/// Adds what is wrong with the process to what the station says of itself.
-fn with_troubles(report: GroundReport, of_process: Vec<String>) -> GroundReport {
-    let troubles = short(report.troubles.iter().cloned().chain(of_process).collect());
-    GroundReport { troubles, ..report }
 }
 
 #[cfg(test)]

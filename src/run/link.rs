@@ -28,7 +28,7 @@ pub use control::{ControlError, WorldControl};
 pub use frame::{FrameError, LIMIT, read_frame, write_frame};
 
 /// Version of this protocol; both ends must speak the same.
-pub const VERSION: u8 = 6;
+pub const VERSION: u8 = 7;
 /// Tokens are shorter than this, bytes.
 pub const TOKEN_LIMIT: usize = 256;
 /// Places of a track that one answer holds.

@@ -13,8 +13,8 @@ use crate::store::replace;
 /// Version of this software, as nodes say it of themselves.
 pub const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
 
-/// Who gives commands: operators have numbers, and an operator's file says none yet.
-pub const OPERATOR: Sender = Sender::Operator(OperatorId(1));
+/// Who gives commands where no operator's file says which operator it is.
+pub const FIRST_OPERATOR: OperatorId = OperatorId(1);
 
 /// The file in a node's folder that keeps the highest issue of the roster.
 const ROSTER_ISSUE: &str = "roster-issue";

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 
-use tomoswarm_proto::{Health, Message, RecordingHealth, Sender, State, VehicleId, fitted};
+use tomoswarm_proto::{Message, RecordingHealth, Sender, State};
 
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
@@ -33,7 +33,7 @@ use super::trust::TrustError;
 use crate::autopilot::{AutopilotCommand, CommandPurpose, LinkEvent, link};
 use crate::config::{self, Config, Record, VehicleFile, Venue};
 use crate::geom::Lattice;
-use crate::node::outbox::OutboxCounts;
+use crate::node::health::{HealthEvent, HealthFacts};
 use crate::node::route::VehicleEvent;
 use crate::node::{Effect, Event, VehicleSettings, VehicleWiring};
 use crate::store::CheckedFileError;
@@ -43,8 +43,6 @@ use crate::store::recording::{Recorder, RecordingLimits, RecordingSubject};
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
-/// Health is said every second tick, and at once when there are other troubles than said last.
-const HEALTH_EVERY: Duration = Duration::from_secs(2);
 /// What the samples on disk may grow to, bytes.
 const OUTBOX_BYTES: u64 = 1 << 30;
 /// At the end a vehicle that drives gets this long to brake.
@@ -53,10 +51,6 @@ const BRAKES_WITHIN: Duration = Duration::from_secs(3);
 const BRAKES_AT_LEAST: Duration = Duration::from_millis(300);
 /// It is told to this often.
 const STOP_EVERY: Duration = Duration::from_millis(50);
-/// An autopilot that has said nothing for this long is silent.
-const AUTOPILOT_SILENT: Duration = Duration::from_secs(2);
-/// Who was in the ring when a beacon was sent is heard for this long.
-const HEARS_FOR: Duration = Duration::from_secs(5);
 
 /// Why a vehicle's process cannot begin.
 #[derive(Debug, thiserror::Error)]
@@ -82,7 +76,7 @@ pub enum VehicleError {
 }
 
 /// How a vehicle fares, for its status line.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct NodeStatus {
     /// Its newest state, once its autopilot was heard.
     pub state: Option<State>,
@@ -98,29 +92,11 @@ pub struct NodeStatus {
 #[derive(Default)]
 struct Last {
     state: Option<State>,
-    /// When it came.
-    state_at: Option<Time>,
-    /// Who was in the ring at the last beacon.
-    hears: Option<(Time, Vec<VehicleId>)>,
-    tally: OutboxCounts,
-    /// Why the autopilot has not armed, since it was told to.
-    not_armed: Option<String>,
+    /// What was wrong when it said last how it fares.
+    troubles: Vec<String>,
 }
 
 impl Last {
-    /// Returns whether the autopilot has said nothing for too long; also one that was never heard.
-    fn is_autopilot_silent(&self, now: Time) -> bool {
-        now.since(self.state_at.unwrap_or(Time::ZERO)) > AUTOPILOT_SILENT
-    }
-
-    fn hears(&self, now: Time) -> Vec<VehicleId> {
-        let fresh = self
-            .hears
-            .as_ref()
-            .filter(|(at, _)| now.since(*at) <= HEARS_FOR);
-        fresh.map(|(_, hears)| hears.clone()).unwrap_or_default()
-    }
-
     fn is_moving(&self) -> bool {
         self.state.as_ref().is_some_and(|state| state.mode.moves())
     }
@@ -144,30 +120,25 @@ struct Edge {
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Command(_) | Effect::Fix(..) | Effect::Steer(_) | Effect::Ping(_) => {
-                self.devices.carry_out(&effect)
-            }
-            Effect::Transmit(beacon) => {
-                lock(&self.last).hears = Some((self.clock.now(), beacon.members.clone()));
-                self.devices.carry_out(&effect);
-            }
+            Effect::Command(_)
+            | Effect::Fix(..)
+            | Effect::Steer(_)
+            | Effect::Ping(_)
+            | Effect::Transmit(_) => self.devices.carry_out(&effect),
             Effect::Publish(message) => {
                 if let Message::State(state) = message {
                     self.later.say(state.sequence);
-                    let mut last = lock(&self.last);
-                    (last.state, last.state_at) = (Some(state.clone()), Some(self.clock.now()));
-                    last.not_armed.take_if(|_| state.is_armed);
+                    lock(&self.last).state = Some(state.clone());
+                }
+                if let Message::Health(health) = message {
+                    lock(&self.last).troubles.clone_from(&health.troubles);
                 }
                 self.publisher.publish(message);
             }
-            Effect::VehicleEvent(note) => {
-                if let VehicleEvent::Autopilot(LinkEvent::GivenUp(CommandPurpose::Arm, reason)) =
-                    note
-                {
-                    lock(&self.last).not_armed = Some(reason.to_string());
-                }
-                tracing::info!("{note}");
-            }
+            Effect::VehicleEvent(note) => match is_trouble(note) {
+                true => tracing::warn!("{note}"),
+                false => tracing::info!("{note}"),
+            },
             Effect::Keep(run, sample) => {
                 self.later.measure(*run, sample.sequence);
                 self.outbox.keep(*run, *sample);
@@ -176,9 +147,17 @@ impl Edge {
             Effect::Recall { after } => self.outbox.recall(*after),
             Effect::Remember(memory) => self.memory.remember(*memory),
             Effect::KeepStops(standing) => self.stops.keep(standing),
-            Effect::Tally(tally) => lock(&self.last).tally = *tally,
         }
     }
+}
+
+/// Returns whether something is wrong by which the vehicle does not do what it is to do.
+fn is_trouble(event: &VehicleEvent) -> bool {
+    matches!(
+        event,
+        VehicleEvent::Health(HealthEvent::AutopilotSilent)
+            | VehicleEvent::Autopilot(LinkEvent::GivenUp(CommandPurpose::Arm, _))
+    )
 }
 
 /// Runs a vehicle until it is asked to stop or cannot go on. `status` is called once a second.
@@ -275,10 +254,9 @@ pub fn run(
         recorder.as_ref(),
         carry_out,
     )?;
-    let (mut said_at, mut said) = (Time::ZERO, Vec::new());
     let mut tick = |now: Time, member: &BusMember, troubles: &Troubles| {
         roster.look(member, troubles);
-        edge.watch_devices(troubles);
+        edge.devices.watch(troubles);
         edge.watch_disk(troubles);
         watch_folder(&state_dir, troubles);
         watch_recorder(recorder.as_ref(), (&edge.machine, clock), troubles);
@@ -287,23 +265,18 @@ pub fn run(
         of_itself
             .iter()
             .for_each(|message| edge.publisher.publish(message));
-        let known = troubles.list();
-        if now.since(said_at) >= HEALTH_EVERY || known != said {
-            (said_at, said) = (now, known);
-            edge.publisher.publish(&Message::Health(edge.health(
-                &settings,
-                &state_dir,
-                recorder.as_ref(),
-                troubles,
-            )));
-        }
-        let state = lock(&edge.last).state.clone();
-        status(&NodeStatus {
-            state,
-            links: edge.publisher.links(),
-            is_member: member.is_member(),
-            troubles: troubles.list(),
-        });
+        let facts = edge.facts(&state_dir, recorder.as_ref(), troubles);
+        node.tell(Event::Facts(Box::new(facts)));
+        let last = lock(&edge.last);
+        let mut shown = NodeStatus {
+            state: last.state.clone(),
+            troubles: last.troubles.clone(),
+            ..NodeStatus::default()
+        };
+        drop(last);
+        shown.links = edge.publisher.links();
+        shown.is_member = member.is_member();
+        status(&shown);
     };
     let finish = process.keep(&mut member, &|now| node.busy_for(now), &mut tick);
     edge.come_to_rest(&threads);
@@ -425,19 +398,6 @@ fn outbox(
 }
 
 impl Edge {
-    fn watch_devices(&self, troubles: &Troubles) {
-        self.devices.watch(troubles);
-        let last = lock(&self.last);
-        match last.is_autopilot_silent(self.clock.now()) {
-            true => troubles.raise("autopilot", "it says nothing".to_owned()),
-            false => troubles.clear("autopilot"),
-        }
-        match &last.not_armed {
-            Some(reason) => troubles.raise("arming", reason.clone()),
-            None => troubles.clear("arming"),
-        }
-    }
-
     fn watch_disk(&self, troubles: &Troubles) {
         let health = self.outbox.health();
         match health.trouble {
@@ -457,40 +417,28 @@ impl Edge {
         watch_stops(&self.stops, troubles);
     }
 
-    fn health(
+    fn facts(
         &self,
-        settings: &VehicleSettings,
         state_dir: &StateDir,
         recorder: Option<&Recorder>,
         troubles: &Troubles,
-    ) -> Health {
-        let last = lock(&self.last);
-        let (tally, hears, is_heard) = (
-            last.tally,
-            last.hears(self.clock.now()),
-            last.state.is_some(),
-        );
-        drop(last);
+    ) -> HealthFacts {
         let traffic = self.publisher.traffic();
         let machine = self.machine.health();
-        Health {
-            vehicle: settings.vehicle,
-            boot: settings.boot,
-            hears,
-            samples_waiting: tally.waiting,
-            samples_lost: tally.lost + self.outbox.health().overrun,
+        HealthFacts {
+            samples_lost: self.outbox.health().overrun,
             inputs_dropped: self.node.dropped(),
             frames_refused: traffic.refused,
             frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
             recording: recording_health(recorder),
-            autopilot: self.devices.autopilot_health().filter(|_| is_heard),
+            autopilot: self.devices.autopilot_health(),
             radio: self.devices.radio_health(),
             range: self.devices.range_health(),
             power: machine.power,
             processor_c: machine.processor_c,
             is_clock_synchronised: machine.is_clock_synchronised,
-            troubles: short(troubles.list()),
+            troubles: troubles.list(),
         }
     }
 
@@ -526,16 +474,6 @@ fn say_stop(node: &LiveVehicle, threads: &Threads, past_link: impl FnOnce()) {
     autopilot.place.tell(stop);
 }
 
-/// Words of a message at most, and bytes of each.
-const WORDS: usize = 16;
-const WORD_BYTES: usize = 200;
-
-/// Cuts words to what a message carries; a cut one shows that it is.
-pub(super) fn short(words: Vec<String>) -> Vec<String> {
-    let fit = |word| fitted(word, WORD_BYTES);
-    words.into_iter().take(WORDS).map(fit).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;
@@ -545,10 +483,6 @@ mod tests {
 
     use super::super::mailbox::RuntimeContext;
     use super::*;
-
-    fn at(time_s: f64) -> Time {
-        Time::from_secs_f64(time_s)
-    }
 
     #[test]
     fn utc_is_noted_of_when_the_clock_began_and_not_of_when_it_is_asked() {
@@ -611,34 +545,5 @@ mod tests {
         assert_eq!(past_link.get(), 1);
         node.close();
         threads.join();
-    }
-
-    #[test]
-    fn a_trouble_is_told_with_its_reason_and_never_in_more_bytes_than_a_message_carries() {
-        let whole = "recording: /var/lib/tomoswarm/vehicle-1/recording/0001.mcap: cannot be written: No space left on device";
-        assert_eq!(short(vec![whole.to_owned()]), [whole]);
-        let long = short(vec!["ä".repeat(300)]);
-        assert!(
-            long[0].len() <= WORD_BYTES && long[0].ends_with("ä…"),
-            "{}",
-            long[0]
-        );
-        assert_eq!(short(vec![String::new(); 99]).len(), WORDS);
-    }
-
-    #[test]
-    fn what_is_not_heard_any_more_is_not_told_as_if_it_were() {
-        let mut last = Last::default();
-        assert!(
-            !last.is_autopilot_silent(at(2.0)) && last.is_autopilot_silent(at(2.1)),
-            "never heard"
-        );
-        last.state_at = Some(at(5.0));
-        assert!(!last.is_autopilot_silent(at(7.0)) && last.is_autopilot_silent(at(7.1)));
-        last.hears = Some((at(1.0), vec![VehicleId(2)]));
-        assert_eq!(
-            (last.hears(at(6.0)), last.hears(at(6.1))),
-            (vec![VehicleId(2)], vec![])
-        );
     }
 }

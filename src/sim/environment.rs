@@ -44,6 +44,7 @@ use crate::autopilot::{
     Ack, AutopilotReport, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind,
 };
 use crate::geom::Angle;
+use crate::node::health::HealthFacts;
 use crate::node::sensor::{Echo, Ping};
 use crate::time::{Deadline, Time};
 
@@ -135,6 +136,11 @@ impl Environment {
     /// Returns the smallest distance between the middles of two vehicles so far, metres; infinite for one alone.
     pub fn min_separation_m(&mut self, now: Time) -> f64 {
         self.world.min_separation_m(now)
+    }
+
+    /// Returns what the devices of a vehicle would tell of themselves.
+    pub fn facts(&self, vehicle: usize) -> HealthFacts {
+        self.devices[vehicle].facts(self.now, self.world.kind())
     }
 
     /// Returns how often things happened to devices.
@@ -288,6 +294,7 @@ impl Environment {
                 out.push(WorldEvent::Track(states));
             }
             PendingEvent::Echo { vehicle, echo } => {
+                self.devices[vehicle].pings.answered(echo.number);
                 self.tell(vehicle, WorldEvent::Echo { vehicle, echo }, out)
             }
             PendingEvent::Silence { vehicle } => self.mind_companion(vehicle, out),
@@ -466,6 +473,7 @@ impl Environment {
     /// Lets the range sensor that was pointed last measure, wherever its servo stands.
     fn ping(&mut self, vehicle: usize, ping: Ping, out: &mut Vec<WorldEvent>) {
         if self.faults.blind(self.now, self.world.id(vehicle)) {
+            self.devices[vehicle].pings.ping(self.now, ping);
             return;
         }
         if self.devices[vehicle].measures_until > self.now {
@@ -473,6 +481,7 @@ impl Environment {
             return;
         }
         self.counts.scans += 1;
+        self.devices[vehicle].pings.ping(self.now, ping);
         let beam = self.devices[vehicle]
             .servos
             .beam(self.now.since(Time::ZERO));
@@ -488,16 +497,19 @@ impl Environment {
     fn transmit(&mut self, vehicle: usize, beacon: Beacon, out: &mut Vec<WorldEvent>) {
         // A dead radio knows nothing of it: what it was told to send is missed by all.
         if self.faults.cut_radio(self.now, self.world.id(vehicle)) {
+            self.devices[vehicle].radio.sent += 1;
             return;
         }
         let sequence = beacon.sequence;
         match self.begin_beacon(vehicle, beacon) {
             Some((number, ends)) => {
                 self.devices[vehicle].speaks_until = ends;
+                self.devices[vehicle].radio.sent += 1;
                 self.schedule(ends, PendingEvent::AirEnds { number }, out);
             }
             None => {
                 self.counts.dropped += 1;
+                self.devices[vehicle].radio.unsent += 1;
                 self.tell(vehicle, WorldEvent::Unsent { vehicle, sequence }, out);
             }
         }

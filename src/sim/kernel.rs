@@ -18,6 +18,7 @@ mod recording;
 mod run_record;
 mod schedule;
 mod scheduled_environment;
+mod telling;
 #[cfg(test)]
 mod tests;
 
@@ -228,41 +229,6 @@ impl Kernel {
         }
     }
 
-    /// Tells a vehicle something; one whose software does not run hears nothing.
-    fn tell(&mut self, vehicle: usize, event: node::Event) -> Result<(), Fault> {
-        if self.nodes.vehicles()[vehicle].is_dead() {
-            return Ok(());
-        }
-        let mut effects = std::mem::take(&mut self.scratch.vehicle);
-        let (now, actors) = (self.schedule.now(), self.nodes.vehicle_mut(vehicle));
-        actors.tell(now, event, &mut effects)?;
-        self.carry_out(vehicle, effects)
-    }
-
-    fn tell_ground(&mut self, event: ground::Event) -> Result<(), Fault> {
-        let mut effects = std::mem::take(&mut self.scratch.ground);
-        let (now, actors) = (self.schedule.now(), self.nodes.ground_mut());
-        actors.tell(now, event, &mut effects)?;
-        self.carry_out_of_ground(effects);
-        Ok(())
-    }
-
-    fn tell_operator(&mut self, operator: usize, input: In) -> Result<(), Fault> {
-        let mut effects = Vec::new();
-        let (now, actors) = (self.schedule.now(), self.nodes.operator_mut(operator));
-        actors.tell(now, input, &mut effects)?;
-        self.carry_out_of_operator(operator, effects)
-    }
-
-    fn begin_operators(&mut self) -> Result<(), Fault> {
-        for operator in 0..self.nodes.operators().len() {
-            for input in self.nodes.operator_mut(operator).begin() {
-                self.tell_operator(operator, input)?;
-            }
-        }
-        Ok(())
-    }
-
     /// Queues the node's next wake, unless the one queued already is the right one.
     fn set_alarm(&mut self, node: NodePlace) {
         if let Some((at, generation)) = self.nodes.set_alarm(node, self.schedule.now()) {
@@ -317,8 +283,7 @@ impl Kernel {
             | node::Effect::Recall { .. }
             | node::Effect::Forget { .. }
             | node::Effect::Remember(_)
-            | node::Effect::KeepStops(_)
-            | node::Effect::Tally(_)) => self.nodes.vehicle_mut(vehicle).store(stored),
+            | node::Effect::KeepStops(_)) => self.nodes.vehicle_mut(vehicle).store(stored),
         }
     }
 
@@ -451,7 +416,10 @@ impl Kernel {
                 let place = NodePlace::Vehicle(vehicle);
                 self.log(place, format_args!("has a charge of {charge}"));
             }
-            WorldEvent::Track(states) => self.record.track_all(now, &states),
+            WorldEvent::Track(states) => {
+                self.record.track_all(now, &states);
+                self.tell_facts()?;
+            }
         }
         Ok(())
     }

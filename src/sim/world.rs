@@ -306,6 +306,7 @@ impl World {
             flight_state: FlightState {
                 altitude_m: readout.altitude_m,
                 climb_mps: readout.climb_mps,
+                course: None,
                 // What drives stands level.
                 tilt: (autopilot.kind() == VehicleKind::Copter)
                     .then_some((readout.attitude.roll, readout.attitude.pitch)),

@@ -91,7 +91,7 @@ fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
         "{}",
         output.out
     );
-    assert_eq!(output.out.lines().count(), 2 * 8 + 5 + 2, "{}", output.out);
+    assert_eq!(output.out.lines().count(), 2 * 9 + 5 + 2, "{}", output.out);
     assert!(
         output
             .out
@@ -158,7 +158,7 @@ fn a_changed_input_is_named_with_what_came_of_it() {
     let output = replay(&runner, "run/flight");
     assert_eq!(output.code, 1, "{output:?}");
     assert!(
-        output.err.contains("the replay differs: 1 of 23 actors"),
+        output.err.contains("the replay differs: 1 of 25 actors"),
         "{}",
         output.err
     );

@@ -725,6 +725,26 @@ bus.connect = [\"tcp/127.0.0.1:7447\"]
 ";
 
 #[test]
+fn an_operator_has_a_number_and_is_the_first_unless_it_says_another() {
+    let number = |line: &str| {
+        let text = OPERATOR.replace("bus.connect", &format!("{line}bus.connect"));
+        config::read_operator("configs/o.toml", &text, &mut loaded)
+            .unwrap()
+            .id
+            .0
+    };
+    assert_eq!((number(""), number("id = 255\n")), (1, 255));
+    for (id, part) in [
+        ("0", "is out of range"),
+        ("256", "is out of range"),
+        ("1.5", "id = 1.5"),
+    ] {
+        let text = OPERATOR.replace("bus.connect", &format!("id = {id}\nbus.connect"));
+        check_one(&text, &[&format!("id = {id}"), part]);
+    }
+}
+
+#[test]
 fn an_operator_is_told_where_the_swarm_is_shown() {
     let mavlink = |lines: &str| {
         let text = format!("{OPERATOR}[mavlink]\n{lines}");

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use tomoswarm::run::bus::BusSettings;
 use tomoswarm::run::live::processes::free_ports;
-use tomoswarm_proto::{Message, Sender, VehicleId, codec};
+use tomoswarm_proto::{Message, OperatorId, Sender, VehicleId, codec};
 
 use crate::member::{Member, progress, settings, within};
 use crate::raw::{Shows, Stranger};
@@ -20,6 +20,10 @@ const PREFIX: &str = "tomoswarm/courtyard";
 
 fn vehicle(id: u8) -> Sender {
     Sender::Vehicle(VehicleId(id))
+}
+
+fn operator_of(number: u8) -> Sender {
+    Sender::Operator(OperatorId(number))
 }
 
 fn address() -> SocketAddr {
@@ -391,8 +395,8 @@ fn an_operator_of_a_mesh_is_told_where_every_vehicle_is_reached_also_of_those_en
         let common = ["--venue", venue, "--ground-host", "ground.local"];
         enroll(&swarm, &[&common, node, more].concat());
     };
-    let connects = || {
-        let text = std::fs::read_to_string(swarm.join("operator-1/operator.toml")).unwrap();
+    let connects = |operator: &str| {
+        let text = std::fs::read_to_string(swarm.join(operator).join("operator.toml")).unwrap();
         let line = text
             .lines()
             .find(|line| line.starts_with("connect = "))
@@ -408,13 +412,58 @@ fn an_operator_of_a_mesh_is_told_where_every_vehicle_is_reached_also_of_those_en
     add(&["ground"], &["--host", "ground.local"]);
     add(&["vehicle", "1"], &["--host", "rover1.local"]);
     add(&["operator"], &[]);
-    assert_eq!(connects(), [ground, "tls/rover1.local:7447"]);
+    assert_eq!(connects("operator-1"), [ground, "tls/rover1.local:7447"]);
+    add(&["operator", "7"], &[]);
     add(&["vehicle", "2"], &["--host", "10.0.0.7"]);
-    assert_eq!(
-        connects(),
-        [ground, "tls/rover1.local:7447", "tls/10.0.0.7:7447"]
-    );
+    for operator in ["operator-1", "operator-7"] {
+        assert_eq!(
+            connects(operator),
+            [ground, "tls/rover1.local:7447", "tls/10.0.0.7:7447"]
+        );
+    }
     enroll(&swarm, &["--revoke", "vehicle-1"]);
     add(&["vehicle", "2"], &["--host", "rover2.local", "--replace"]);
-    assert_eq!(connects().last().unwrap(), "tls/rover2.local:7447");
+    for operator in ["operator-1", "operator-7"] {
+        assert_eq!(connects(operator).last().unwrap(), "tls/rover2.local:7447");
+    }
+}
+
+#[test]
+fn two_operators_are_told_apart_and_neither_is_taken_for_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let swarm = Enrolled::make(folder.path().join("swarm"), "mesh");
+    let venue = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/courtyard.venue.toml");
+    let port = swarm.ground.port().to_string();
+    let all = ["--venue", venue, "--port", &port];
+    enroll(
+        &swarm.folder,
+        &[&all[..], &["--operator", "--operator=2"]].concat(),
+    );
+    let ground = swarm.ground();
+    for number in [1, 2] {
+        let own = swarm.of(&format!("operator-{number}/operator.toml"));
+        let operator = Member::join(settings(&own));
+        let says = Message::Standing(Default::default());
+        assert!(
+            gets_through(&operator, &says, &ground, operator_of(number)),
+            "operator {number} is not heard"
+        );
+    }
+    // The file of one with the number of the other is refused before anything is said.
+    let own = swarm.of("operator-2/operator.toml");
+    let text = std::fs::read_to_string(&own).unwrap();
+    let other = text.replace("\nid = 2 ", "\nid = 1 ");
+    assert_ne!(other, text);
+    std::fs::write(&own, other).unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
+        .arg("status")
+        .arg(&own)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("operator-2") && said.contains("operator-1"),
+        "{said}"
+    );
 }

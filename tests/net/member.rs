@@ -73,7 +73,11 @@ fn read(path: &Path) -> (Sender, Venue, BusFile) {
             file.bus.clone(),
         ),
         Config::Ground(file) => (Sender::Ground, file.venue.clone(), file.bus.clone()),
-        Config::Operator(file) => (membership::OPERATOR, file.venue.clone(), file.bus.clone()),
+        Config::Operator(file) => (
+            Sender::Operator(file.id),
+            file.venue.clone(),
+            file.bus.clone(),
+        ),
         other => panic!("{other:?}"),
     }
 }

@@ -331,7 +331,11 @@ impl Swarm {
 
     /// Gives every node its certificate; from then on all endpoints are TLS.
     pub fn enroll(&self) {
-        let nodes = self.addresses.keys().copied().chain([membership::OPERATOR]);
+        let nodes = self
+            .addresses
+            .keys()
+            .copied()
+            .chain([Sender::Operator(membership::FIRST_OPERATOR)]);
         for node in nodes {
             let name = Swarm::name(node);
             let mut program = Command::new(PROGRAM);

@@ -6,14 +6,14 @@ use std::path::Path;
 use std::process::Command;
 
 use tomoswarm::config::{self, Config, Identity, Topology};
-use tomoswarm::run::membership::OPERATOR;
 use tomoswarm::run::trust::{
     Authority, Certificate, CertificateError, CommonName, Roster, RosterError, TrustError, Trusted,
     access_rules,
 };
-use tomoswarm_proto::{Sender, VehicleId};
+use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 const ROVER: Sender = Sender::Vehicle(VehicleId(3));
+const OPERATOR: Sender = Sender::Operator(OperatorId(1));
 
 fn name(text: &str) -> CommonName {
     text.parse().unwrap()
@@ -411,12 +411,42 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
     let before = tree(&swarm);
     assert!(good(root, call).contains("all are enrolled already, roster issue 2"));
     assert_eq!(tree(&swarm), before);
-    let printed = good(root, &format!("{call} --vehicle 2=rover2.local"));
+    let printed = good(
+        root,
+        &format!("{call} --operator=2=laptop.local --vehicle 2=rover2.local"),
+    );
     assert!(
         printed.contains("vehicle-2.1 is enrolled, roster issue 3")
+            && printed.contains("operator-2.1 is enrolled, roster issue 3")
+            && printed.contains(
+                "scp -pr swarm/operator-2 laptop.local:, and there: tomoswarm preflight operator-2/operator.toml"
+            )
             && printed.contains("scp swarm/roster.txt rover1.local: && ssh -t rover1.local sudo tomoswarm accept roster.txt")
             && !printed.contains("accept vehicle-1"),
         "{printed}"
+    );
+    // An operator on another machine is told to take the newer folder, and a list that was edited is left as it is.
+    let own = swarm.join("operator-2/operator.toml");
+    let text = fs::read_to_string(&own).unwrap();
+    fs::write(&own, text.replace("tls/rover1.local", "tls/elsewhere")).unwrap();
+    let printed = good(root, "swarm --venue VENUE vehicle 4 --host rover4.local");
+    for line in [
+        "the file of operator-2 was edited: add the vehicles' endpoints to its list `connect` by hand",
+        "  scp -pr swarm/operator-2 laptop.local:\n",
+    ] {
+        assert!(printed.contains(line), "{line} is missing in: {printed}");
+    }
+    // A folder that holds the configuration of another node is refused.
+    fs::create_dir(swarm.join("operator-3")).unwrap();
+    fs::copy(
+        swarm.join("operator-1/operator.toml"),
+        swarm.join("operator-3/operator.toml"),
+    )
+    .unwrap();
+    bad(
+        root,
+        "swarm --venue VENUE operator 3",
+        "is the configuration of operator-1; that of operator-3 is expected",
     );
     bad(
         root,
@@ -650,13 +680,33 @@ fn bad_usage_leaves_no_trace() {
         ("swarm --venue VENUE", "required"),
         ("swarm vehicle 1", "--venue"),
         ("swarm --venue VENUE vehicle", "its number is missing"),
-        ("swarm --venue VENUE vehicle 0", "0 is not in 1..=250"),
-        ("swarm --venue VENUE vehicle 251", "251 is not in 1..=250"),
+        ("swarm --venue VENUE vehicle 0", "0 is not in 1..=255"),
         (
             "swarm --venue VENUE vehicle 9",
             "vehicle 9: has no home, the venue has 8",
         ),
-        ("swarm --venue VENUE ground 1", "only vehicles have numbers"),
+        (
+            "swarm --venue VENUE ground 1",
+            "there is one ground station, which has no number",
+        ),
+        (
+            "swarm --venue VENUE vehicle 251",
+            "vehicles have numbers from 1 to 250",
+        ),
+        ("swarm --venue VENUE operator 0", "0 is not in 1..=255"),
+        (
+            "swarm --venue VENUE --operator=x",
+            "N or N=HOST is expected, N from 1 to 255",
+        ),
+        (
+            "swarm --venue VENUE --operator=0",
+            "N or N=HOST is expected, N from 1 to 255",
+        ),
+        ("swarm --venue VENUE --operator=2=", "\"\": is no host"),
+        (
+            "swarm --venue VENUE --operator --operator=1",
+            "operator-1 is given twice",
+        ),
         ("swarm --venue VENUE pilot", "invalid value 'pilot'"),
         (
             "swarm --venue VENUE ground --host a..b",

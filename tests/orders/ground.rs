@@ -303,7 +303,8 @@ impl Ground {
             | In::Planned(_)
             | In::Pictured { .. }
             | In::Stops(_)
-            | In::StoresSamples(_)) => input,
+            | In::StoresSamples(_)
+            | In::Troubles(_)) => input,
         };
         self.station.handle(clock, input, &mut output).unwrap();
         Some(output)

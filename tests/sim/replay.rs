@@ -8,6 +8,7 @@ use tomoswarm::actor::{ActorStep, NodeActor, Snapshot, StepCause, again};
 use tomoswarm::autopilot::AutopilotLink;
 use tomoswarm::ground::image_publisher::ImagePublisher;
 use tomoswarm::ground::{imager::ImagerActor, planner::PlannerActor, station::Station};
+use tomoswarm::node::health::HealthActor;
 use tomoswarm::node::map::Map;
 use tomoswarm::node::mission::Mission;
 use tomoswarm::node::outbox::Outbox;
@@ -81,6 +82,7 @@ struct Rover {
     mission: Again<Mission>,
     radio: Again<Radio>,
     outbox: Again<Outbox>,
+    health: Again<HealthActor>,
 }
 
 impl Rover {
@@ -94,6 +96,7 @@ impl Rover {
             "mission" => self.mission.restore(snapshot),
             "radio" => self.radio.restore(snapshot),
             "outbox" => self.outbox.restore(snapshot),
+            "health" => self.health.restore(snapshot),
             other => panic!("{other} is no actor of a vehicle"),
         }
     }
@@ -108,6 +111,7 @@ impl Rover {
             "mission" => self.mission.take(step),
             "radio" => self.radio.take(step),
             "outbox" => self.outbox.take(step),
+            "health" => self.health.take(step),
             other => panic!("{other} is no actor of a vehicle"),
         }
     }
@@ -223,6 +227,7 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         assert_eq!(rovers.len(), 2);
         for rover in rovers.values() {
             assert!(rover.mission.steps > 500 && rover.map.steps > 200 && rover.outbox.steps > 50);
+            assert!(rover.health.steps > 50);
             assert!(rover.autopilot.steps > 500 && rover.autopilot.restored > 2);
             assert!(
                 rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500

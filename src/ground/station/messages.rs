@@ -37,6 +37,8 @@ pub enum In {
     Stops(Vec<EmergencyStop>),
     /// Samples can be stored, or cannot. Said with every group of them.
     StoresSamples(bool),
+    /// What is wrong with the process, in words.
+    Troubles(Vec<String>),
 }
 
 /// What the station can say.
@@ -310,6 +312,8 @@ pub enum Key {
     Pictured(PictureName),
     /// Whether samples can be stored.
     StoresSamples,
+    /// What is wrong with the process.
+    Troubles,
 }
 
 impl Input for In {
@@ -327,6 +331,7 @@ impl Input for In {
             In::Planned(_) => InputClass::Latest(Key::Planned),
             In::Pictured { name, .. } => InputClass::Latest(Key::Pictured(*name)),
             In::StoresSamples(_) => InputClass::Latest(Key::StoresSamples),
+            In::Troubles(_) => InputClass::Latest(Key::Troubles),
             In::Bus(_) | In::Stops(_) => InputClass::Queue,
         }
     }

@@ -1,7 +1,7 @@
 //! What the station says of itself once a second, for operators and other grounds. It reads what the parts say of
 //! themselves, and changes nothing.
 
-use tomoswarm_proto::{Boot, GroundReport, Lease, RunId, StationPhase, VehicleId};
+use tomoswarm_proto::{Boot, GroundReport, Lease, RunId, StationPhase, VehicleId, fitted_troubles};
 
 use super::execution::{ExecutionPhase, SweepExecution, SweepRun};
 use super::leases::Leases;
@@ -26,6 +26,8 @@ pub(super) struct PartsToReport<'a> {
     pub execution: &'a SweepExecution,
     /// Messages of vehicles that are not expected.
     pub strangers: u64,
+    /// What is wrong with the process, in words.
+    pub of_process: &'a [String],
 }
 
 impl PartsToReport<'_> {
@@ -55,7 +57,7 @@ impl PartsToReport<'_> {
             // Also while another ground station is obeyed, which alone brings that to an end.
             in_force: self.order.strongest_with(self.fleet.order_in_force()),
             runs: self.runs.runs().reports(|run| self.samples.count(run)),
-            troubles: self.troubles().in_words(),
+            troubles: self.all_troubles(),
         }
     }
 
@@ -85,6 +87,12 @@ impl PartsToReport<'_> {
             },
             (_, None, _) => RunUnderWay::default(),
         }
+    }
+
+    /// Returns what is wrong with the sweep and with the process, as much of it as a message carries.
+    fn all_troubles(self) -> Vec<String> {
+        let own = self.troubles().in_words().into_iter();
+        fitted_troubles(own.chain(self.of_process.iter().cloned()).collect())
     }
 
     fn troubles(self) -> Troubles {

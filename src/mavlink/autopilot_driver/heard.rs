@@ -10,7 +10,7 @@ use crate::autopilot::{
     AutopilotReport, FlightMode, FlightState, Item, Motion, RemoteSwitch, StoredReport,
     SystemStatus, VehicleKind,
 };
-use crate::geom::{Point, Pose};
+use crate::geom::{Point, Pose, Vector};
 use crate::mavlink::dialect::{
     self as d, EstimatorStatusFlags, GpsFixType, MavAutopilot, MavLandedState, MavMessage,
     MavModeFlag, MavState, MavType, MissionState,
@@ -284,7 +284,8 @@ impl Heard {
         if self.is_other(settings).is_some() || self.trouble_of_two(now, settings).is_some() {
             return None;
         }
-        let (at, sd_m, climb_mps, speed_mps) = self.place(now, settings)?;
+        let (at, sd_m, climb_mps, velocity) = self.place(now, settings)?;
+        let speed_mps = velocity.length_m();
         let motion = if speed_mps > RESTS_BELOW_MPS {
             Motion::Driving
         } else if self.attitude.turns(now) || climb_mps.abs() > STEADY_BELOW_MPS {
@@ -309,6 +310,7 @@ impl Heard {
             flight_state: FlightState {
                 altitude_m: self.altitude_m().clamp(-HIGHEST_M, HIGHEST_M),
                 climb_mps: climb_mps.clamp(-FASTEST_MPS, FASTEST_MPS),
+                course: (speed_mps > RESTS_BELOW_MPS).then(|| velocity.angle()),
                 tilt: self.attitude.tilt(now),
             },
             speed_mps,
@@ -339,8 +341,12 @@ impl Heard {
         })
     }
 
-    /// Where it is, how sure that is, metres, its climb and its speed, m/s.
-    fn place(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<(Point, f64, f64, f64)> {
+    /// Where it is, how sure that is, metres, its climb and its velocity over ground, m/s.
+    fn place(
+        &self,
+        now: Time,
+        settings: &MavlinkDriverSettings,
+    ) -> Option<(Point, f64, f64, Vector)> {
         let frame = &settings.frame;
         let sd_m = match self.no_place(now, settings) {
             Some(_) => UNKNOWN_SD_M,
@@ -354,7 +360,7 @@ impl Heard {
                     frame.local_place((place.lat, place.lon)),
                     sd_m,
                     -cm(place.vz),
-                    libm::hypot(cm(place.vx), cm(place.vy)),
+                    frame.from_north_east(cm(place.vx), cm(place.vy)) - Point::default(),
                 ))
             }
             PlaceSource::Local => {
@@ -368,7 +374,8 @@ impl Heard {
                     self.local_origin(settings) + step,
                     sd_m,
                     -f64::from(place.vz),
-                    libm::hypot(f64::from(place.vx), f64::from(place.vy)),
+                    frame.from_north_east(f64::from(place.vx), f64::from(place.vy))
+                        - Point::default(),
                 ))
             }
         }
@@ -580,6 +587,7 @@ fn width_us(channels: &d::RC_CHANNELS_DATA, channel: u8) -> u16 {
 mod tests {
     use super::super::tests_support::settings;
     use super::*;
+    use crate::geom::Bearing;
 
     /// What it reports of a place that it says now, and whether it has started anew.
     fn report_of_place(
@@ -641,6 +649,33 @@ mod tests {
         assert!(said.ends_with("it does not say where it points"), "{said}");
         take_attitude(&mut heard, 2.7);
         assert_eq!(known(&mut heard, 2.8), (0.3, true));
+    }
+
+    #[test]
+    fn it_moves_where_its_velocity_says_and_not_where_it_points() {
+        let mut heard = Heard::default();
+        let (now, settings) = (Time::from_secs_f64(1.0), settings());
+        take_attitude(&mut heard, 1.0);
+        let mut report = |vx, vy| {
+            let place = MavMessage::GLOBAL_POSITION_INT(d::GLOBAL_POSITION_INT_DATA {
+                lat: 520_000_000,
+                lon: 40_000_000,
+                vx,
+                vy,
+                ..d::GLOBAL_POSITION_INT_DATA::default()
+            });
+            heard.take(now, &place, &settings);
+            heard.report(now, &settings).unwrap()
+        };
+        // Southwards at 1.5 m/s, pointing 1 rad east of north.
+        let south = settings.frame.heading_of(Bearing::from_degrees(180.0));
+        let moving = report(-150, 0);
+        assert!((moving.speed_mps - 1.5).abs() < 1e-9, "{moving:?}");
+        let course = moving.flight_state.course.unwrap();
+        assert!((course - south).radians().abs() < 1e-6, "{moving:?}");
+        assert!((course - moving.pose.heading).radians().abs() > 1.0);
+        let resting = report(0, 1);
+        assert_eq!(resting.flight_state.course, None, "{resting:?}");
     }
 
     #[test]

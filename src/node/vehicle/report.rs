@@ -161,7 +161,7 @@ impl Vehicle {
         !look.is_blind && aims.all(|aim| answers(aim.sensor))
     }
 
-    /// Returns the state as it travels. A body is taken to drive the way it faces.
+    /// Returns the state as it travels.
     fn on_wire(&self, own: &OwnState) -> State {
         let report = |corners: &Vec<Point>| LegReport {
             route: corners.iter().copied().map(Into::into).collect(),
@@ -169,11 +169,12 @@ impl Vehicle {
         let FlightState {
             altitude_m,
             climb_mps,
+            course,
             tilt,
         } = own.flight_state;
         let Pose { at, heading, .. } = own.pose;
         let place = Position::from_metres(at.x_m, at.y_m, altitude_m);
-        let ahead = Vector::polar(heading, own.speed_mps);
+        let over_ground = Vector::polar(course.unwrap_or(heading), own.speed_mps);
         let (roll, pitch) = tilt.map_or((Tilt::UNKNOWN, Tilt::UNKNOWN), |(roll, pitch)| {
             (
                 Tilt::from_radians(roll.radians()),
@@ -190,7 +191,7 @@ impl Vehicle {
             }),
             roll,
             pitch,
-            velocity: Velocity::from_metres_per_second(ahead.x_m, ahead.y_m, climb_mps),
+            velocity: Velocity::from_metres_per_second(over_ground.x_m, over_ground.y_m, climb_mps),
             mode: own.mode,
             stands_under: self.stands_under(own),
             is_at_rest: own.is_at_rest,

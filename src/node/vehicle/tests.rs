@@ -1002,6 +1002,7 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
         flight_state: FlightState {
             altitude_m: 2.5004,
             climb_mps: -0.25,
+            course: Some(Angle::default()),
             tilt: Some((Angle::from_radians(0.1), Angle::from_radians(-0.02))),
         },
         ..told_of
@@ -1010,7 +1011,15 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
         panic!("it says it")
     };
     assert_eq!(state.pose.unwrap().at.z_mm, 2500);
-    assert_eq!(state.velocity.z_mmps, -250);
+    assert_eq!(
+        state.velocity,
+        tomoswarm_proto::Velocity {
+            x_mmps: 457,
+            y_mmps: 0,
+            z_mmps: -250
+        },
+        "it faces along y and moves along x"
+    );
     assert_eq!((state.roll, state.pitch), (Tilt(1000), Tilt(-200)));
 }
 

@@ -41,6 +41,8 @@ use crate::dash::run_files::MissionFormat;
 
 /// The body of a request must come within this time after its head.
 const BODY_WITHIN: Duration = Duration::from_secs(5);
+/// Threads that find and compress the page's files, at most.
+const FILE_THREADS: usize = 2;
 /// What most answers are.
 const JSON_TYPE: &str = "application/json";
 
@@ -229,6 +231,7 @@ impl HttpServer {
         listener.set_nonblocking(true)?;
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
+            .max_blocking_threads(FILE_THREADS)
             .build()?;
         let (end, ended) = oneshot::channel::<()>();
         let shared = Arc::new(Shared {
@@ -370,7 +373,9 @@ fn refused(refusal: &GateRefusal) -> Response {
 }
 
 async fn file(State(shared): State<Arc<Shared>>, uri: Uri) -> Response {
-    match files::find(uri.path(), shared.folder.as_deref()) {
+    // Who comes first has it compressed, or read from disk; orders do not wait for that.
+    let find = move || files::find(uri.path(), shared.folder.as_deref());
+    match tokio::task::spawn_blocking(find).await.ok().flatten() {
         Some(file) => {
             let about = [
                 (header::CONTENT_TYPE, file.kind),

@@ -44,16 +44,6 @@ fn archive(folder: &Path, troubles: Troubles) -> Archive {
 }
 
 #[test]
-fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
-    let report = GroundReport {
-        troubles: vec!["not heard yet: vehicle 3".to_owned()],
-        ..GroundReport::default()
-    };
-    let output = with_troubles(report, vec!["samples: no room".to_owned()]).troubles;
-    assert_eq!(output, ["not heard yet: vehicle 3", "samples: no room"]);
-}
-
-#[test]
 fn a_store_whose_thread_has_ended_is_a_trouble() {
     let (troubles, node) = (Troubles::default(), LiveGround::default());
     let (end, ended) = std::sync::mpsc::channel::<()>();

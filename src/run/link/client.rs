@@ -145,7 +145,6 @@ fn word(effect: &Effect) -> Option<ToWorld> {
         | Effect::Keep(..)
         | Effect::Forget { .. }
         | Effect::Recall { .. }
-        | Effect::Tally(_)
         | Effect::Remember(_)
         | Effect::KeepStops(_)
         | Effect::VehicleEvent(_) => None,

@@ -9,6 +9,7 @@ use crate::config::{
     self, BusFile, Config, Drivers, Endpoint, GroundFile, MissionTable, OperatorFile, PoseFile,
     PoseSource, Protocol, Record, Sim, Topology, VehicleFile, WorldEndpoint,
 };
+use crate::run::membership::FIRST_OPERATOR;
 
 /// What recordings of one node may take, megabytes.
 const RECORD_MB: usize = 64;
@@ -91,6 +92,7 @@ impl LiveAddresses {
     /// without the ground station too.
     pub fn operator(&self, sim: &Sim) -> String {
         text(Config::Operator(Box::new(OperatorFile {
+            id: FIRST_OPERATOR,
             venue_file: self.venue.clone(),
             venue: sim.venue.clone(),
             bus: self.bus(sim, Some(0), &self.vehicle_ports),

@@ -274,7 +274,9 @@ fn name_of(text: &str) -> Option<CommonName> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::membership::OPERATOR;
+    use tomoswarm_proto::OperatorId;
+
+    const OPERATOR: Sender = Sender::Operator(OperatorId(1));
 
     #[test]
     fn an_operator_enrolled_before_operators_had_numbers_is_the_first() {

@@ -8,7 +8,11 @@
 
 use std::time::Duration;
 
-use crate::autopilot::{AutopilotReport, FlightMode, SystemStatus};
+use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, BodyKind, RadioHealth, RangeHealth};
+
+use crate::autopilot::{AutopilotReport, FlightMode, SystemStatus, VehicleKind};
+use crate::hw::Pings;
+use crate::node::health::HealthFacts;
 use crate::plan::{Mounts, Pointing};
 use crate::time::Time;
 
@@ -36,6 +40,10 @@ pub(super) struct SimulatedDevices {
     pub is_minded: bool,
     /// It has touched something.
     pub is_wrecked: bool,
+    /// What its radio was told to send.
+    pub radio: RadioHealth,
+    /// What its range sensor was asked, and has answered.
+    pub pings: Pings,
     /// What its autopilot said with its last heartbeat.
     heartbeat: Option<Heartbeat>,
     /// Reports since then.
@@ -62,14 +70,40 @@ impl SimulatedDevices {
             moves: false,
             is_minded: false,
             is_wrecked: false,
+            radio: RadioHealth::default(),
+            pings: Pings::default(),
             heartbeat: None,
             reports: 0,
+        }
+    }
+
+    /// Returns what the drivers of such devices would tell of them.
+    pub(super) fn facts(&self, now: Time, kind: VehicleKind) -> HealthFacts {
+        let silent = "range sensor: it answers nothing".to_owned();
+        let silent = self.pings.is_silent(now).then_some(silent);
+        HealthFacts {
+            autopilot: Some(AutopilotHealth {
+                family: AutopilotFamily::Simulated,
+                body: match kind {
+                    VehicleKind::Rover => BodyKind::Rover,
+                    VehicleKind::Copter => BodyKind::Copter,
+                },
+                ..AutopilotHealth::default()
+            }),
+            radio: Some(self.radio),
+            range: Some(RangeHealth {
+                glitches: 0,
+                faults: self.pings.faults(),
+            }),
+            troubles: Vec::from_iter(silent),
+            ..HealthFacts::default()
         }
     }
 
     /// Its software runs from now on: the autopilot's next report comes with a heartbeat.
     pub(super) fn attach(&mut self, now: Time) {
         (self.is_attached, self.heard_at, self.heartbeat) = (true, now, None);
+        (self.radio, self.pings) = (RadioHealth::default(), Pings::default());
     }
 
     /// Returns what the autopilot says of what it knows of itself now: its mode, and whether it is armed, are as old as its

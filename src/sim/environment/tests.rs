@@ -1,6 +1,6 @@
 //! What the environment promises to its callers, whoever they are.
 
-use tomoswarm_proto::Boot;
+use tomoswarm_proto::{BodyKind, Boot};
 
 use super::*;
 use crate::autopilot::{ArmRefusal, FlightMode, Item, VehicleKind};
@@ -221,6 +221,45 @@ fn a_blind_sensor_and_a_dead_radio_are_silent_and_only_for_as_long_as_they_are()
     assert_eq!(at(0.5), (1, vec![1, 0]));
     assert_eq!(at(1.0), (0, vec![]), "neither heard nor hears");
     assert_eq!(at(2.0), (1, vec![1, 0]));
+}
+
+#[test]
+fn devices_tell_what_they_have_done_since_their_software_started() {
+    let faults = vec![fault(FaultKind::Sensor, 1.0, 5.0)];
+    let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0], faults);
+    let ask = |environment: &mut Environment, time_s: f64| {
+        obey(environment, time_s, 0, ping(1));
+        environment.facts(0)
+    };
+    for sequence in 1..=2 {
+        // The second comes while the radio is speaking.
+        obey(&mut environment, 0.0, 0, beacon(1, sequence));
+    }
+    let facts = ask(&mut environment, 0.5);
+    let radio = facts.radio.unwrap();
+    assert_eq!((radio.sent, radio.unsent), (1, 1));
+    let body = facts.autopilot.unwrap().body;
+    assert_eq!((facts.range.unwrap().faults, body), (0, BodyKind::Rover));
+    wake(&mut environment, 0.9);
+    assert_eq!(ask(&mut environment, 1.0).troubles, [""; 0]);
+    let facts = ask(&mut environment, 4.0);
+    assert_eq!(facts.troubles, [""; 0], "3 s are none yet");
+    let facts = ask(&mut environment, 4.5);
+    assert_eq!(facts.troubles, ["range sensor: it answers nothing"]);
+    assert_eq!(
+        facts.range.unwrap().faults,
+        2,
+        "the last is still waited for"
+    );
+    ask(&mut environment, 6.0);
+    wake(&mut environment, 6.5);
+    assert_eq!(environment.facts(0).troubles, [""; 0], "it answers again");
+    environment.attach(secs(7.0), 0);
+    let facts = environment.facts(0);
+    assert_eq!(
+        (facts.radio.unwrap().sent, facts.range.unwrap().faults),
+        (0, 0)
+    );
 }
 
 #[test]

@@ -22,10 +22,10 @@ use tomoswarm_proto::{Boot, Hello, Interest, Message, OperatorId, VehicleId};
 use self::node_exchange::NodeExchange;
 use super::nodes::NodePlace;
 use super::schedule::{Schedule, ScheduledEvent};
-use crate::exchange::ReceivedFrame;
 use crate::exchange::egress::OutboundFrame;
 use crate::exchange::ingress::HeardMessage;
 use crate::exchange::joining::JoinEffect;
+use crate::exchange::{ExchangeCounts, ReceivedFrame};
 use crate::sim::bus::{BusFrame, NodeId, SimulatedBus, operators_that_hear, receivers};
 use crate::sim::noise::{Noise, NoisePurpose};
 use crate::time::Time;
@@ -102,6 +102,11 @@ impl Network {
     /// Returns whether a node is at the bus, whether or not it may take part.
     pub(super) fn is_joined(&mut self, node: NodePlace) -> bool {
         self.at(node).is_joined()
+    }
+
+    /// Returns how many frames a node has taken and refused since its software started.
+    pub(super) fn counts(&mut self, node: NodePlace) -> ExchangeCounts {
+        self.at(node).counts()
     }
 
     /// Lets whoever listens to the bus hear a line of a node's log.

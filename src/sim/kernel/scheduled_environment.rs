@@ -3,6 +3,7 @@
 
 use super::schedule::{Schedule, ScheduledEvent};
 use crate::node;
+use crate::node::health::HealthFacts;
 use crate::sim::body::BodyState;
 use crate::sim::environment::{DeviceCommand, Environment, WorldEvent};
 use crate::time::Time;
@@ -63,6 +64,11 @@ impl ScheduledEnvironment {
     /// The software of a vehicle runs no more.
     pub(super) fn detach(&mut self, now: Time, vehicle: usize) {
         self.environment.detach(now, vehicle);
+    }
+
+    /// Returns what a vehicle's devices would tell of themselves.
+    pub(super) fn facts(&self, vehicle: usize) -> HealthFacts {
+        self.environment.facts(vehicle)
     }
 
     /// Lets a device of a vehicle obey; returns what it answers at once. The rest comes when its time has come.

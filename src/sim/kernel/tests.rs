@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Control, Lease, OperatorId, Order, OrderKind, Revision, RunId, Sender, StandReason, VehicleId,
-    VehicleMode as StateMode,
+    Control, Health, Lease, OperatorId, Order, OrderKind, Revision, RunId, Sender, StandReason,
+    VehicleId, VehicleMode as StateMode,
 };
 
 use super::*;
@@ -218,6 +218,36 @@ fn who_only_looks_changes_no_byte_of_the_run() {
         "only who plays says anything"
     );
     assert!(alone.1 == watched.1);
+}
+
+#[test]
+fn simulated_vehicles_say_how_they_fare_as_live_ones_do() {
+    let scenario = scenario("");
+    let mut parts = scenario.parts().unwrap();
+    parts.operators.push(operator(&scenario, 1, Vec::new()));
+    let mut kernel = Kernel::new(parts);
+    let healths = |kernel: &Kernel| -> Vec<(Time, Health)> {
+        let vehicles = view(&kernel.nodes.operators()[1]).vehicles();
+        let healths = vehicles.filter_map(|(_, seen)| seen.health.clone());
+        healths.map(|health| (health.at, health.value)).collect()
+    };
+    run(&mut kernel, 6.5);
+    let before = healths(&kernel);
+    assert_eq!(before.len(), 2, "every vehicle says it");
+    for (_, health) in &before {
+        assert!(health.autopilot.is_some() && health.radio.is_some() && health.range.is_some());
+        assert_eq!(health.troubles, ["range sensor: it answers nothing"]);
+    }
+    run(&mut kernel, 12.0);
+    let after = healths(&kernel);
+    assert!(after.iter().all(|(at, _)| *at > Time::from_secs_f64(9.0)));
+    let hears = after.iter().filter(|(_, health)| health.hears.len() == 1);
+    assert_eq!(hears.count(), 2, "{after:?}");
+    assert!(
+        after
+            .iter()
+            .all(|(_, health)| health.radio.unwrap().sent > 0)
+    );
 }
 
 fn vehicles_seen(operator: &SimulatedOperator) -> usize {

@@ -15,6 +15,7 @@ use crate::geom::{Cell, Lattice, Point};
 use crate::ground::imager::{ImagerActor, ReconstructedImage, Subject};
 use crate::ground::station::{self, Station};
 use crate::map::Merged;
+use crate::node::health::{self, HealthActor};
 use crate::node::map::{self, Map};
 use crate::node::mission::{self, Mission};
 use crate::node::vehicle::{self, Vehicle};
@@ -81,6 +82,13 @@ impl RecordingView {
                     Some(self.log(now, INFO, "autopilot", &format!("autopilot: {event}")))
                 }
                 _ => None,
+            }));
+        } else if let Some(RecordedStep { outputs, .. }) = step.of::<HealthActor>() {
+            shown.extend(outputs.iter().filter_map(|out| match out {
+                health::Out::HealthEvent(event) => {
+                    Some(self.log(now, INFO, "health", &event.to_string()))
+                }
+                health::Out::Publish(_) => None,
             }));
         } else if let Some(RecordedStep { outputs, .. }) = step.of::<Stops>() {
             shown.extend(outputs.iter().filter_map(|out| match out {

@@ -6,7 +6,7 @@ use tomoswarm_proto::{Boot, Hello, Interest, Message, OperatorId};
 use super::super::alarm::Alarm;
 use crate::exchange::egress::OutboundFrame;
 use crate::exchange::presence::Presence;
-use crate::exchange::{Exchange, ReceivedFrame};
+use crate::exchange::{Exchange, ExchangeCounts, ReceivedFrame};
 use crate::sim::bus::{BusFrame, NodeId};
 use crate::time::Time;
 
@@ -106,6 +106,13 @@ impl NodeExchange {
     /// Returns whether it was seen to take part.
     pub(super) fn is_member(&self) -> bool {
         self.is_member
+    }
+
+    /// Returns how many frames it has taken and refused since its software started.
+    pub(super) fn counts(&self) -> ExchangeCounts {
+        self.exchange
+            .as_ref()
+            .map_or_else(Default::default, Exchange::counts)
     }
 
     /// Takes what the node says; returns what goes out at once.

@@ -77,7 +77,7 @@ impl SimulatedGround {
     ) -> Result<(), Fault> {
         match &event {
             ground::Event::Bus(_, message) => self.disk.keep(message),
-            ground::Event::StoresSamples(_) => {}
+            ground::Event::StoresSamples(_) | ground::Event::Troubles(_) => {}
         }
         self.node.tell(now, event, effects)
     }

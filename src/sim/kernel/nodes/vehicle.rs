@@ -118,8 +118,7 @@ impl SimulatedVehicle {
             | node::Effect::Ping(_)
             | node::Effect::Transmit(_)
             | node::Effect::Publish(_)
-            | node::Effect::VehicleEvent(_)
-            | node::Effect::Tally(_) => None,
+            | node::Effect::VehicleEvent(_) => None,
         }
     }
 

@@ -299,8 +299,7 @@ impl SingleVehicle {
                 Effect::Keep(..)
                 | Effect::KeepStops(_)
                 | Effect::Forget { .. }
-                | Effect::Recall { .. }
-                | Effect::Tally(_) => {}
+                | Effect::Recall { .. } => {}
             }
         }
     }
