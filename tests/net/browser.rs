@@ -45,7 +45,8 @@ impl Browser {
         // The pipe's ends are 3 and 4; a shell moves our ends there. Its sandbox needs what containers do not give.
         let line = format!(
             "exec chromium --headless=new --no-sandbox --remote-debugging-pipe --user-data-dir={} \
-             --window-size={width},{height} --hide-scrollbars --no-first-run --disable-gpu {options} about:blank \
+             --window-size={width},{height} --hide-scrollbars --no-first-run --disable-gpu \
+             --enable-unsafe-swiftshader {options} about:blank \
              3<&0 4>&1 </dev/null >/dev/null 2>/dev/null",
             profile.path().display()
         );
