@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 use super::enroll_files::{
-    CA, CA_KEY, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name, node_of,
+    CA, CA_KEY, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, endpoint_list, file_name, node_of,
+    vehicle_list,
 };
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
-use crate::config::{self, Topology, Venue};
+use crate::config::{self, Endpoint, Topology, Venue};
 use crate::run::membership::FIRST_OPERATOR;
 use crate::run::trust::{
     CommonName, IssuedCertificate, NewFile, Roster, is_host, write_new_folder,
@@ -66,15 +67,15 @@ pub struct EnrollArgs {
     /// A name or address under which others reach NODE; may be given several times
     #[arg(long = "host", value_name = "H", conflicts_with_all = ["ground", "vehicles", "operators"])]
     pub hosts: Vec<String>,
-    /// Name or address under which the node reaches the ground station
-    #[arg(long, value_name = "H", default_value = "127.0.0.1")]
-    pub ground_host: String,
-    /// Port of the ground station, and of the vehicles of a mesh
-    #[arg(long, value_name = "PORT", default_value_t = 7447, value_parser = clap::value_parser!(u16).range(1..))]
-    pub port: u16,
-    /// How the swarm is joined; the same for all nodes
-    #[arg(long, value_enum, default_value = "mesh")]
-    pub topology: EnrolledTopology,
+    /// Name or address under which the node reaches the ground station [default: that of those enrolled before, or 127.0.0.1]
+    #[arg(long, value_name = "H")]
+    pub ground_host: Option<String>,
+    /// Port of the ground station, and of the vehicles of a mesh [default: that of those enrolled before, or 7447]
+    #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
+    pub port: Option<u16>,
+    /// How the swarm is joined; the same for all nodes [default: as those enrolled before, or mesh]
+    #[arg(long, value_enum)]
+    pub topology: Option<EnrolledTopology>,
     /// Folder on the node for what outlives it [default: /var/lib/tomoswarm/NODE]
     #[arg(long, value_name = "DIR", conflicts_with_all = ["ground", "vehicles", "operators"])]
     pub state_dir: Option<String>,
@@ -97,6 +98,9 @@ Examples:
   tomoswarm enroll swarm --revoke vehicle-1
 
 Exit codes: 0 done; 2 bad usage or files, or a node is enrolled already, in another way.";
+
+/// Where the ground station listens unless something else is said.
+const DEFAULT_PORT: u16 = 7447;
 
 /// Hosts under which a node is reached; one at least.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -236,15 +240,7 @@ impl EnrollArgs {
             write_new_folder(&own, &files)
                 .map_err(|source| CliError::Write { path: own, source })?;
         }
-        if !swarm.list_in_ground(&next)? {
-            said += "the ground station's file was edited: add the vehicles to its list `vehicles` by hand\n";
-        }
-        for operator in swarm.name_in_operators(&reached_before, &next)? {
-            let name = CommonName::node_name(Sender::Operator(operator));
-            said += &format!(
-                "the file of {name} was edited: add the vehicles' endpoints to its list `connect` by hand\n"
-            );
-        }
+        said += &lists_said(&swarm, &reached_before, &next)?;
         let is_new = |node| new.iter().any(|new| new.name.node == node);
         said += "on the machine of each:\n";
         for node in &new {
@@ -254,18 +250,8 @@ impl EnrollArgs {
                 &node.hosts,
             );
         }
-        let is_vehicle = |node: &NewNode| matches!(node.name.node, Sender::Vehicle(_));
-        if new.iter().any(is_vehicle)
-            && !is_new(Sender::Ground)
-            && next.of(Sender::Ground).is_some()
-        {
-            let vehicles: Vec<String> =
-                vehicles_of(&next).iter().map(ToString::to_string).collect();
-            said += &format!(
-                "the ground station plans for who is in its file: on its machine write\n  vehicles = [{}]\n\
-                 into its ground.toml, and start it anew\n",
-                vehicles.join(", ")
-            );
+        if !is_new(Sender::Ground) {
+            said += &planned_for(&swarm, &next);
         }
         Ok(said + &roster_advice(&swarm, &next, is_new))
     }
@@ -313,14 +299,17 @@ impl EnrollArgs {
             .roster
             .revoking(node)
             .map_err(|error| swarm.refused(ROSTER, error))?;
+        let reached_before = swarm.reached(&swarm.roster);
         swarm.publish(&next)?;
         let former = swarm.retire(node, "revoked")?;
+        let lists = lists_said(&swarm, &reached_before, &next)?;
         let kept = former.map_or(String::new(), |folder| {
             format!("its files are kept in {}\n", folder.display())
         });
         Ok(format!(
-            "{name} is revoked, roster issue {}\n{kept}{}",
+            "{name} is revoked, roster issue {}\n{kept}{lists}{}{}",
             next.issue,
+            planned_for(&swarm, &next),
             roster_advice(&swarm, &next, |_| false)
         ))
     }
@@ -380,7 +369,8 @@ impl EnrollArgs {
 
     fn check_hosts(&self) -> Result<(), CliError> {
         let options = self.hosts.iter().map(|host| ("--host", host));
-        for (option, host) in options.chain([("--ground-host", &self.ground_host)]) {
+        let ground = self.ground_host.iter().map(|host| ("--ground-host", host));
+        for (option, host) in options.chain(ground) {
             if !is_host(host) {
                 return Err(CliError::Usage(format!("{option} {}", no_host(host))));
             }
@@ -429,23 +419,62 @@ impl EnrollArgs {
         hosts: &[String],
         roster: &Roster,
     ) -> NodeConfig {
+        let (shape, ground) = swarm.joined().unzip();
         let given = self.ground.as_ref().and_then(|hosts| hosts.0.first());
-        let ground_host = given.unwrap_or(&self.ground_host);
+        let given = given.or(self.ground_host.as_ref()).cloned();
+        let ground_host = given
+            .or_else(|| ground.as_ref().map(|ground| ground.host.clone()))
+            .unwrap_or_else(|| "127.0.0.1".to_owned());
+        let port = self.port.or(ground.map(|ground| ground.port));
         let state_dir = format!("/var/lib/tomoswarm/{}", CommonName::node_name(node));
         NodeConfig {
             node,
             topology: match self.topology {
-                EnrolledTopology::Mesh => Topology::Mesh,
-                EnrolledTopology::Star => Topology::Star,
+                Some(EnrolledTopology::Mesh) => Topology::Mesh,
+                Some(EnrolledTopology::Star) => Topology::Star,
+                None => shape.unwrap_or(Topology::Mesh),
             },
-            ground_host: ground_host.clone(),
-            port: self.port,
-            is_reached: hosts.iter().any(|host| is_far(host)) || is_far(ground_host),
+            is_reached: hosts.iter().any(|host| is_far(host)) || is_far(&ground_host),
+            ground_host,
+            port: port.unwrap_or(DEFAULT_PORT),
             state_dir: self.state_dir.clone().unwrap_or(state_dir),
             vehicles: vehicles_of(roster),
             reached: swarm.reached(roster),
         }
     }
+}
+
+/// Says for whom the ground station is to plan from now on, when that has changed.
+fn planned_for(swarm: &Swarm, next: &Roster) -> String {
+    let (before, vehicles) = (vehicles_of(&swarm.roster), vehicles_of(next));
+    if before == vehicles || next.of(Sender::Ground).is_none() {
+        return String::new();
+    }
+    format!(
+        "the ground station plans for who is in its file: on its machine write\n  vehicles = [{}]\n\
+         into its ground.toml, and start it anew\n",
+        vehicle_list(&vehicles)
+    )
+}
+
+/// Brings the lists of vehicles in the files of ground station and operators up to date; returns what is to be said of those
+/// that people have edited.
+fn lists_said(swarm: &Swarm, before: &[Endpoint], next: &Roster) -> Result<String, CliError> {
+    let mut said = String::new();
+    if !swarm.list_in_ground(next)? {
+        said += &format!(
+            "the list `vehicles` of the ground station's file was edited: make it [{}] by hand\n",
+            vehicle_list(&vehicles_of(next))
+        );
+    }
+    for operator in swarm.name_in_operators(before, next)? {
+        let name = CommonName::node_name(Sender::Operator(operator));
+        let endpoints = endpoint_list(&swarm.reached(next));
+        said += &format!(
+            "the list `connect` of the file of {name} was edited: it is to end with {endpoints}\n"
+        );
+    }
+    Ok(said)
 }
 
 /// Says of which nodes that are enrolled there is no folder here: they were carried away, or never written.

@@ -411,7 +411,11 @@ fn outcome_text(venue_hash: u64, outcome: &OrderOutcome) -> String {
         }
         of => format!("vehicle {id} {of}\n"),
     };
-    outcome.vehicles.iter().map(line).collect()
+    let lifts = outcome.lifts.iter().map(|stop| {
+        let (name, by) = (stop.name, stop.by);
+        format!("lifts emergency stop {name} of operator {by}\n")
+    });
+    lifts.chain(outcome.vehicles.iter().map(line)).collect()
 }
 
 fn undone(name: &str, outcome: &OrderOutcome, troubles: &[String]) -> CliError {

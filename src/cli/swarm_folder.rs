@@ -12,7 +12,7 @@ use super::enroll_files::{
 };
 use super::error::CliError;
 use super::read;
-use crate::config::{self, Config, Endpoint, Protocol, Venue};
+use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::trust::{
     Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, is_private,
     read_limited, replace_file, write_new_folder,
@@ -234,21 +234,52 @@ impl Swarm {
         Ok(true)
     }
 
+    /// Returns how a node joins the bus, as its configuration in this folder says it.
+    fn bus_of(&self, node: Sender) -> Option<BusFile> {
+        let folder = self.node_folder(node);
+        let path = folder.join(file_name(node));
+        let venue = read::text(&folder.join(VENUE)).ok()?;
+        let text = read::text(&path).ok()?;
+        match config::read(&read::shown(&path), &text, &mut |_| Ok(venue.clone())).ok()? {
+            Config::Vehicle(file) => Some(file.bus),
+            Config::Ground(file) => Some(file.bus),
+            Config::Operator(file) => Some(file.bus),
+            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => None,
+        }
+    }
+
+    /// Returns how those join that are enrolled already: the swarm's shape, and where the ground station is reached. `None` =
+    /// nobody is, or no file says it.
+    pub(super) fn joined(&self) -> Option<(Topology, Endpoint)> {
+        let nodes = self.roster.allowed.iter().map(|entry| entry.name.node);
+        let of = |node: Sender| {
+            let bus = self.bus_of(node)?;
+            let ground = match node {
+                Sender::Ground => {
+                    let host = self.hosts_of(node).into_iter().find(|host| is_far(host));
+                    let own = bus.listen.first()?;
+                    Endpoint {
+                        host: host.unwrap_or_else(|| "127.0.0.1".to_owned()),
+                        ..own.clone()
+                    }
+                }
+                Sender::Vehicle(_) | Sender::Operator(_) => bus.connect.first()?.clone(),
+            };
+            Some((bus.topology, ground))
+        };
+        // The ground station itself first: it stands there first.
+        let mut nodes: Vec<Sender> = nodes.collect();
+        nodes.sort_by_key(|node| *node != Sender::Ground);
+        nodes.into_iter().find_map(of)
+    }
+
     /// Returns where the vehicles of a roster are reached by others: those with a host of their own and a fixed port.
     pub(super) fn reached(&self, roster: &Roster) -> Vec<Endpoint> {
         let endpoint = |id: VehicleId| {
-            let folder = self.node_folder(Sender::Vehicle(id));
             let hosts = self.hosts_of(Sender::Vehicle(id));
             let host = hosts.into_iter().find(|host| is_far(host))?;
-            let path = folder.join(file_name(Sender::Vehicle(id)));
-            let venue = read::text(&folder.join(VENUE)).ok()?;
-            let text = read::text(&path).ok()?;
-            let file = config::read(&read::shown(&path), &text, &mut |_| Ok(venue.clone()));
-            let Ok(Config::Vehicle(file)) = file else {
-                return None;
-            };
-            let port = file
-                .bus
+            let port = self
+                .bus_of(Sender::Vehicle(id))?
                 .listen
                 .first()
                 .map(|listen| listen.port)

@@ -83,6 +83,8 @@ pub struct FleetView {
     standing: BTreeMap<Sender, Timestamped<OpenStops>>,
     /// All of them, joined.
     stops: StopSet,
+    /// When open stops were given that a vehicle that says them now did not know when it was heard before.
+    given: BTreeMap<EmergencyName, Time>,
 }
 
 impl FleetView {
@@ -217,6 +219,21 @@ impl FleetView {
         self.stops.open().copied().collect()
     }
 
+    /// Returns the open stops that were given after a moment, as vehicles show it that were heard before and did not know them.
+    /// A stop that all who say it have said since they were first heard may be older.
+    pub fn stops_given_after(&self, moment: Time) -> impl Iterator<Item = &EmergencyStop> {
+        let given_after = move |stop: &&EmergencyStop| {
+            let given = self.given.get(&stop.name);
+            given.is_some_and(|given| *given > moment)
+        };
+        self.stops.open().filter(given_after)
+    }
+
+    /// Returns whether somebody has said that a stop was lifted.
+    pub fn is_lifted(&self, name: EmergencyName) -> bool {
+        self.stops.is_lifted(name)
+    }
+
     /// Returns an open stop in words: whom it stops, who made it, and who of these vehicles does not show it.
     pub fn stop_in_words(&self, stop: &EmergencyStop, vehicles: &BTreeSet<VehicleId>) -> String {
         let concerns =
@@ -232,9 +249,11 @@ impl FleetView {
             .filter(|id| !shows(id))
             .copied()
             .collect();
-        let shown = match not_shown.is_empty() {
-            true => "shown by all of them".to_owned(),
-            false => format!("not shown by vehicle {}", listed(&not_shown)),
+        let is_any = vehicles.iter().any(|id| concerns(&id));
+        let shown = match (is_any, not_shown.is_empty()) {
+            (false, _) => "not known to be shown by anyone".to_owned(),
+            (true, true) => "shown by all of them".to_owned(),
+            (true, false) => format!("not shown by vehicle {}", listed(&not_shown)),
         };
         format!("{} for {whom}, by operator {}, {shown}", stop.name, stop.by)
     }
@@ -304,6 +323,7 @@ impl FleetView {
     fn message(&mut self, now: Time, sender: Sender, message: &Message) {
         match message {
             Message::Standing(standing) => {
+                self.note_given(now, sender, standing);
                 self.stops.join(standing);
                 self.standing.insert(
                     sender,
@@ -315,6 +335,13 @@ impl FleetView {
             }
             Message::State(state) => {
                 let seen = self.vehicles.entry(state.vehicle).or_default();
+                let was_free = seen
+                    .state
+                    .as_ref()
+                    .is_some_and(|known| is_free(&known.value));
+                if let (true, Some(StandReason::Stop(name))) = (was_free, state.stands_under) {
+                    self.given.entry(name).or_insert(now);
+                }
                 renew(&mut seen.state, now, state, |state| {
                     (state.boot, state.sequence)
                 });
@@ -347,6 +374,32 @@ impl FleetView {
         }
     }
 
+    /// Notes which stops a vehicle says that it did not know when it was heard before. Others learn of old stops when they
+    /// join: of them that says nothing.
+    fn note_given(&mut self, now: Time, sender: Sender, standing: &OpenStops) {
+        let Sender::Vehicle(id) = sender else {
+            return;
+        };
+        let before = self.standing.get(&sender).map(|before| &before.value.open);
+        let was_free = self.state(id).is_some_and(|state| is_free(&state.value));
+        let is_given = |stop: &&EmergencyStop| {
+            let said = before.is_some_and(|open| open.iter().any(|known| known.name == stop.name));
+            let concerns = stop.scope == StopScope::All || stop.scope == StopScope::One(id);
+            !said && (before.is_some() || concerns && was_free)
+        };
+        let given = standing.open.iter().filter(is_given).map(|stop| stop.name);
+        for name in given.collect::<Vec<EmergencyName>>() {
+            self.given.entry(name).or_insert(now);
+        }
+        let open: BTreeSet<EmergencyName> = self
+            .stops
+            .open()
+            .chain(standing.open.iter())
+            .map(|stop| stop.name)
+            .collect();
+        self.given.retain(|name, _| open.contains(name));
+    }
+
     fn report(&mut self, now: Time, report: &GroundReport) {
         self.grounds.insert(
             report.store,
@@ -364,6 +417,11 @@ impl FleetView {
             oldest.and_then(|store| self.grounds.remove(&store));
         }
     }
+}
+
+/// Returns whether a vehicle stands under no emergency stop; of several reasons its State names a stop first.
+fn is_free(state: &State) -> bool {
+    !matches!(state.stands_under, Some(StandReason::Stop(_)))
 }
 
 /// Puts what was said in the place of what is older.

@@ -90,6 +90,8 @@ pub struct Ordering {
     is_task_given: bool,
     /// The emergency stops that it lifts, known when it was first sent.
     ends: Option<Vec<EmergencyName>>,
+    /// The same as they were given.
+    lifts: Vec<EmergencyStop>,
     refused: Option<OrderRefusal>,
     stands: bool,
     withdrawn: BTreeSet<VehicleId>,
@@ -108,6 +110,7 @@ impl Ordering {
             run: None,
             is_task_given: false,
             ends: None,
+            lifts: Vec::new(),
             refused: None,
             stands: false,
             withdrawn: BTreeSet::new(),
@@ -242,6 +245,7 @@ impl Ordering {
             VehicleOutcome::Foreign(_)
             | VehicleOutcome::Refused(_)
             | VehicleOutcome::UnderStop(_)
+            | VehicleOutcome::StopLifted
             | VehicleOutcome::Stopped { .. }
             | VehicleOutcome::Obeyed { .. }
             | VehicleOutcome::Overruled(_)
@@ -280,6 +284,7 @@ impl Ordering {
             lease,
             run: self.run,
             refused: self.refused,
+            lifts: self.lifts.clone(),
         }
     }
 
@@ -289,10 +294,20 @@ impl Ordering {
             OrderKind::Start => self
                 .run_under_way(now)
                 .or_else(|| self.mission_misfit(now))
-                .or_else(|| self.unheard_under_stop(now)),
+                .or_else(|| self.unheard_under_stop(now))
+                .or_else(|| self.stopped_since()),
             OrderKind::Return => self.under_stop().map(OrderRefusal::StopOpen),
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => None,
         }
+    }
+
+    /// Returns a stop that would be lifted although it was given after this start: its operator cannot have meant that.
+    fn stopped_since(&self) -> Option<OrderRefusal> {
+        let ends = self.stops_to_end();
+        let mut since = self.view.stops_given_after(self.began);
+        let stop = since.find(|stop| ends.contains(&stop.name))?;
+        let (name, by) = (stop.name, stop.by);
+        Some(OrderRefusal::StoppedSince { name, by })
     }
 
     /// Returns who was not heard for too long while a stop is open that would be lifted.
@@ -349,7 +364,10 @@ impl Ordering {
         // Who does not tell may be unheard; that is judged once all were listened for.
         let is_known = self.has_listened(now) || all_have_told && knows_all;
         if is_known {
-            self.ends = Some(self.stops_to_end());
+            let ends = self.stops_to_end();
+            self.lifts = self.view.open_stops();
+            self.lifts.retain(|stop| ends.contains(&stop.name));
+            self.ends = Some(ends);
         }
         is_known
     }

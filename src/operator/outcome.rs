@@ -5,7 +5,9 @@ use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyName, Lease, MissionRefusal, Ordered, RunId, VehicleId};
+use tomoswarm_proto::{
+    EmergencyName, EmergencyStop, Lease, MissionRefusal, OperatorId, Ordered, RunId, VehicleId,
+};
 
 use super::fleet_view::Incompatibility;
 use super::names::ordered;
@@ -28,6 +30,8 @@ pub enum VehicleOutcome {
         /// Whether it has come to rest.
         is_at_rest: bool,
     },
+    /// The emergency stop that was given is lifted again: somebody has started the vehicle, or may.
+    StopLifted,
     /// An emergency stop is open that the order does not lift.
     UnderStop(EmergencyName),
     /// A higher order of somebody else came in between.
@@ -55,7 +59,8 @@ impl VehicleOutcome {
                 after: _,
                 is_at_rest,
             } => *is_at_rest,
-            VehicleOutcome::UnderStop(_)
+            VehicleOutcome::StopLifted
+            | VehicleOutcome::UnderStop(_)
             | VehicleOutcome::Overruled(_)
             | VehicleOutcome::NotOut
             | VehicleOutcome::Refused(_)
@@ -82,6 +87,12 @@ impl fmt::Display for VehicleOutcome {
                 let rests = if *is_at_rest { "stands" } else { "moves still" };
                 let after_ms = after.as_millis();
                 write!(to, "shows the stop after {after_ms} ms, {rests}")
+            }
+            VehicleOutcome::StopLifted => {
+                write!(
+                    to,
+                    "stands under it no more: a start of an operator has lifted the stop"
+                )
             }
             VehicleOutcome::UnderStop(name) => write!(
                 to,
@@ -129,6 +140,16 @@ pub enum OrderRefusal {
     /// An emergency stop is open.
     #[error("emergency stop {0} is open: only a start lifts it")]
     StopOpen(EmergencyName),
+    /// A start would lift an emergency stop that was given after it.
+    #[error(
+        "emergency stop {name} was given by operator {by} after this start: if it is to be lifted, give the start again"
+    )]
+    StoppedSince {
+        /// Its name.
+        name: EmergencyName,
+        /// Who gave it.
+        by: OperatorId,
+    },
 }
 
 /// What became of an order.
@@ -142,6 +163,8 @@ pub struct OrderOutcome {
     pub run: Option<RunId>,
     /// Why nothing was sent, if it was refused.
     pub refused: Option<OrderRefusal>,
+    /// The emergency stops that it lifts.
+    pub lifts: Vec<EmergencyStop>,
 }
 
 impl OrderOutcome {

@@ -83,7 +83,12 @@ impl StopBatch {
             )
         };
         let all_rest = !so_far.vehicles.is_empty() && so_far.vehicles.values().all(rests);
-        let is_over = all_rest && knows_all || now.since(self.began) >= self.wish.within;
+        let is_lifted = so_far
+            .vehicles
+            .values()
+            .any(|of| *of == VehicleOutcome::StopLifted);
+        let is_over =
+            all_rest && knows_all || is_lifted || now.since(self.began) >= self.wish.within;
         is_over.then_some(so_far)
     }
 
@@ -94,6 +99,7 @@ impl StopBatch {
             let state = view.state(id).filter(|state| state.at >= self.began);
             let is_at_rest = state.is_some_and(|state| state.value.is_at_rest);
             let outcome = match (self.shown.get(&id), state) {
+                _ if self.is_lifted(view, id) => VehicleOutcome::StopLifted,
                 (Some(at), _) => VehicleOutcome::Stopped {
                     after: at.since(from),
                     is_at_rest,
@@ -109,6 +115,7 @@ impl StopBatch {
             lease: None,
             run: None,
             refused: None,
+            lifts: Vec::new(),
         }
     }
 
@@ -117,21 +124,36 @@ impl StopBatch {
         now + LOOKS_EVERY
     }
 
-    /// Returns whether a vehicle shows a stop that was given here, or another one that is open.
-    fn is_in_force(&self, view: &FleetView, id: VehicleId) -> bool {
-        let concerns = |stop: &&EmergencyStop| match stop.scope {
+    /// Returns whether the stops of a vehicle that were given here are lifted, and it shows no other one.
+    fn is_lifted(&self, view: &FleetView, id: VehicleId) -> bool {
+        let mut those = self.of(id).peekable();
+        let are_lifted = those.peek().is_some() && those.all(|stop| view.is_lifted(stop.name));
+        are_lifted && !self.is_under_another(view, id)
+    }
+
+    /// Returns whether a vehicle shows in its State a stop that was not lifted of those given here, or another one.
+    fn is_under_another(&self, view: &FleetView, id: VehicleId) -> bool {
+        let state = view.state(id).filter(|state| state.at >= self.began);
+        match state.and_then(|state| state.value.stands_under) {
+            Some(StandReason::Stop(name)) => !view.is_lifted(name),
+            _ => false,
+        }
+    }
+
+    /// Returns the stops given here that concern a vehicle.
+    fn of(&self, id: VehicleId) -> impl Iterator<Item = &EmergencyStop> {
+        self.stops.iter().filter(move |stop| match stop.scope {
             StopScope::All => true,
             StopScope::One(one) => one == id,
-        };
+        })
+    }
+
+    /// Returns whether a vehicle shows a stop that was given here, or another one that is open.
+    fn is_in_force(&self, view: &FleetView, id: VehicleId) -> bool {
         let state = view.state(id).filter(|state| state.at >= self.began);
         let is_under = state
             .is_some_and(|state| matches!(state.value.stands_under, Some(StandReason::Stop(_))));
-        is_under
-            || self
-                .stops
-                .iter()
-                .filter(concerns)
-                .any(|stop| view.shows_stop(id, stop.name))
+        is_under || self.of(id).any(|stop| view.shows_stop(id, stop.name))
     }
 
     fn targets(&self, now: Time, view: &FleetView) -> BTreeSet<VehicleId> {
@@ -152,5 +174,70 @@ impl StopBatch {
             .chain(members)
             .chain(heard)
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::{EmergencyName, Message, OpenStops, OperatorId, Sender, State};
+
+    use super::super::HeardMessage;
+    use super::super::tests_support::{at, heard, state};
+    use super::*;
+
+    const NAME: EmergencyName = EmergencyName(0x1_0007);
+
+    fn stop() -> EmergencyStop {
+        EmergencyStop {
+            name: NAME,
+            scope: StopScope::All,
+            by: OperatorId(1),
+        }
+    }
+
+    fn says(view: &mut FleetView, time_s: f64, sequence: u64, under: Option<EmergencyName>) {
+        let said = State {
+            sequence,
+            is_at_rest: true,
+            stands_under: under.map(StandReason::Stop),
+            ..state(1)
+        };
+        view.hear(at(time_s), &heard(Message::State(said)));
+    }
+
+    fn tells(view: &mut FleetView, time_s: f64, standing: OpenStops) {
+        let of_ground = HeardMessage::Message(Sender::Ground, Message::Standing(standing));
+        view.hear(at(time_s), &of_ground);
+    }
+
+    #[test]
+    fn a_stop_that_is_lifted_before_it_is_over_is_not_called_done() {
+        let one = VehicleId(1);
+        let wish = StopRequest {
+            vehicles: [one].into(),
+            within: Duration::from_secs(5),
+        };
+        for other in [None, Some(EmergencyName(0x1_0009))] {
+            let mut view = FleetView::default();
+            let mut batch =
+                StopBatch::new(at(0.0), vec![stop()], wish.clone(), BTreeSet::new(), true);
+            says(&mut view, 0.1, 1, Some(NAME));
+            batch.look(at(0.1), &view, true);
+            let done = batch.outcome_so_far(at(0.1), &view);
+            assert!(done.is_done(), "{done:?}");
+            let lifted = OpenStops {
+                open: Vec::new(),
+                lifted: vec![NAME],
+            };
+            tells(&mut view, 0.2, lifted);
+            says(&mut view, 0.3, 2, other);
+            batch.look(at(0.3), &view, true);
+            let outcome = batch.outcome(at(0.3), &view).expect("it is over at once");
+            match other {
+                None => assert_eq!(outcome.vehicles[&one], VehicleOutcome::StopLifted),
+                // It stands all the same, under another one.
+                Some(_) => assert!(outcome.is_done(), "{outcome:?}"),
+            }
+        }
     }
 }

@@ -608,9 +608,11 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
     // Images come every second while it is looked: what is drawn is soon what is there. Uncertain pixels fade, which rounds.
     browser.until(
         "(() => { const { model } = tomoswarm, image = model.images.get(0), heat = document.getElementById('heat');
+           const scaled = document.getElementById('heat-scale').textContent.match(/to ([0-9.]+) dB/);
+           if (!image || !scaled) return false;
            const brightest = image.mean.indexOf(Math.max(...image.mean));
            const side = heat.width / image.columns, column = brightest % image.columns, row = Math.floor(brightest / image.columns);
-           const scale = Number(document.getElementById('heat-scale').textContent.match(/to ([0-9.]+) dB/)[1]);
+           const scale = Number(scaled[1]);
            const colour = model.place.heat[Math.round(Math.min(1, image.mean[brightest] / scale) * 255)];
            const seen = heat.getContext('2d').getImageData((column + 0.5) * side, (image.rows - row - 0.5) * side, 1, 1).data;
            const isNear = (channel, i) => Math.abs(channel - seen[i]) <= 4;

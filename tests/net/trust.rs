@@ -431,11 +431,27 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
     fs::write(&own, text.replace("tls/rover1.local", "tls/elsewhere")).unwrap();
     let printed = good(root, "swarm --venue VENUE vehicle 4 --host rover4.local");
     for line in [
-        "the file of operator-2 was edited: add the vehicles' endpoints to its list `connect` by hand",
+        "the list `connect` of the file of operator-2 was edited: it is to end with ",
         "  scp -pr swarm/operator-2 laptop.local:\n",
     ] {
         assert!(printed.contains(line), "{line} is missing in: {printed}");
     }
+    // Who is enrolled later joins as the others do, and after a revocation the lists go on being kept.
+    let printed = good(root, "swarm --revoke vehicle-4");
+    assert!(printed.contains("  vehicles = [1, 2, 3]\n"), "{printed}");
+    let printed = good(root, "swarm --venue VENUE vehicle 5 --host rover5.local");
+    assert!(!printed.contains("the file of operator-1"), "{printed}");
+    let Ok(Config::Vehicle(rover)) = read(&swarm.join("vehicle-5/vehicle.toml")) else {
+        panic!("no vehicle")
+    };
+    assert_eq!(rover.bus.connect[0].to_string(), "tls/ground.local:7447");
+    let text = fs::read_to_string(swarm.join("operator-1/operator.toml")).unwrap();
+    assert!(
+        text.contains("rover5.local") && !text.contains("rover4.local"),
+        "{text}"
+    );
+    let text = fs::read_to_string(swarm.join("ground/ground.toml")).unwrap();
+    assert!(text.contains("vehicles = [1, 2, 3, 5]"), "{text}");
     // A folder that holds the configuration of another node is refused.
     fs::create_dir(swarm.join("operator-3")).unwrap();
     fs::copy(

@@ -55,6 +55,7 @@ fn end(server: &mut PageServer, at_s: f64, number: u32) {
         lease: None,
         run: None,
         refused: None,
+        lifts: Vec::new(),
     };
     server.operator_said(at(at_s), &Out::Ended(GoalId::Hand(number), outcome));
 }

@@ -486,14 +486,24 @@ fn stop(name: u32) -> EmergencyStop {
 }
 
 fn tells(vehicle: u8, open: &[u32]) -> HeardMessage {
+    told_by(Sender::Vehicle(VehicleId(vehicle)), open)
+}
+
+fn told_by(sender: Sender, open: &[u32]) -> HeardMessage {
     let standing = OpenStops {
         open: open.iter().copied().map(stop).collect(),
         lifted: vec![],
     };
-    HeardMessage::Message(
-        Sender::Vehicle(VehicleId(vehicle)),
-        Message::Standing(standing),
-    )
+    HeardMessage::Message(sender, Message::Standing(standing))
+}
+
+/// A vehicle's State, standing under a stop.
+fn stands_under(vehicle: u8, sequence: u64, stop: Option<&u32>) -> HeardMessage {
+    heard(Message::State(State {
+        sequence,
+        stands_under: stop.map(|name| StandReason::Stop(EmergencyName(*name))),
+        ..Rover::new(vehicle).state
+    }))
 }
 
 /// An order to two vehicles; the second one has been heard last so long ago. Both have told which stops are open.
@@ -501,14 +511,82 @@ fn under_stops(instruction: Instruction, open: &[u32], silent: Duration) -> (Ord
     let mut ordering = Ordering::new(Time::ZERO, instruction);
     ordering.act(Time::ZERO, true);
     let now = at(5.0);
-    ordering.hear(now - silent, &Rover::new(2).say());
-    ordering.hear(now, &Rover::new(1).say());
+    ordering.hear(now - silent, &stands_under(2, 1, open.first()));
+    ordering.hear(now, &stands_under(1, 1, open.first()));
     (1..=2).for_each(|vehicle| ordering.hear(now, &tells(vehicle, open)));
     let sent = ordering.act(now, true);
     (ordering, sent)
 }
 
 const STOPS: [u32; 2] = [0x1_0001, 0x1_0002];
+
+#[test]
+fn a_start_does_not_lift_a_stop_that_was_given_after_it() {
+    let both = Instruction {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        ..want(Kind::Start)
+    };
+    // Who said something without the stop before it says it knows that it is new: by its State, or by what it tells.
+    for by_state in [true, false] {
+        for second_knew in [false, true] {
+            let mut ordering = Ordering::new(Time::ZERO, both.clone());
+            ordering.act(Time::ZERO, true);
+            let earlier: &[u32] = if second_knew { &STOPS[..1] } else { &[] };
+            match by_state {
+                true => ordering.hear(at(0.1), &stands_under(1, 1, None)),
+                false => ordering.hear(at(0.1), &tells(1, &[])),
+            }
+            ordering.hear(at(0.2), &stands_under(2, 1, earlier.first()));
+            ordering.hear(at(0.2), &tells(2, &STOPS[..1]));
+            ordering.hear(at(0.3), &tells(1, &STOPS[..1]));
+            ordering.hear(at(0.3), &stands_under(1, 2, STOPS.first()));
+            assert!(ordering.act(at(0.4), true).is_empty());
+            let refused = ordering.outcome(at(0.4)).unwrap().refused;
+            assert!(
+                matches!(refused, Some(OrderRefusal::StoppedSince { name, .. }) if name.0 == STOPS[0]),
+                "{refused:?}"
+            );
+            // Given again it lifts it, and says so.
+            let again = Ordering::new(at(0.5), both.clone());
+            let mut again = again.knowing(&ordering.view, true);
+            let sent = again.act(at(0.5), true);
+            assert_eq!(sent.len(), 2);
+            assert!(
+                sent.iter()
+                    .all(|order| order.ends == [EmergencyName(STOPS[0])])
+            );
+            let lifts = again.outcome_so_far(at(0.5)).lifts;
+            assert_eq!(lifts.len(), 1);
+            assert_eq!(lifts[0].name, EmergencyName(STOPS[0]));
+        }
+    }
+}
+
+#[test]
+fn whoever_joins_and_learns_of_an_older_stop_keeps_no_start_from_lifting_it() {
+    let both = Instruction {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        ..want(Kind::Start)
+    };
+    let (old, joining) = (
+        &STOPS[..1],
+        Sender::Operator(tomoswarm_proto::OperatorId(9)),
+    );
+    let mut ordering = Ordering::new(Time::ZERO, both);
+    ordering.act(Time::ZERO, true);
+    ordering.hear(at(0.1), &told_by(joining, &[]));
+    (1..=2).for_each(|vehicle| ordering.hear(at(0.2), &stands_under(vehicle, 1, old.first())));
+    ordering.hear(at(0.2), &tells(1, old));
+    ordering.hear(at(0.3), &told_by(joining, old));
+    ordering.hear(at(0.3), &tells(2, old));
+    (1..=2).for_each(|vehicle| ordering.hear(at(1.9), &stands_under(vehicle, 2, old.first())));
+    let sent = ordering.act(at(2.0), true);
+    assert_eq!(sent.len(), 2);
+    assert!(
+        sent.iter()
+            .all(|order| order.ends == [EmergencyName(old[0])])
+    );
+}
 
 #[test]
 fn a_start_names_the_stops_that_are_open_when_it_is_first_sent_and_no_later_one() {
@@ -577,9 +655,9 @@ fn a_start_names_the_take_over_that_a_vehicle_shows_when_it_is_first_sent_and_no
             },
         );
         ordering.act(Time::ZERO, true);
+        (1..=2).for_each(|vehicle| ordering.hear(at(5.0), &tells(vehicle, &STOPS[..1])));
         ordering.hear(at(5.0), &steered(1, control, 1));
         ordering.hear(at(5.0), &steered(2, Control::Ours, 1));
-        (1..=2).for_each(|vehicle| ordering.hear(at(5.0), &tells(vehicle, &STOPS[..1])));
         let mut both_end = BTreeSet::from([stop]);
         both_end.retain(|_| kind == Kind::Start);
         let others: Vec<EmergencyName> = both_end.iter().copied().collect();
