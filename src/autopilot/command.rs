@@ -4,6 +4,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::BodyKind;
 
 use super::item::Item;
 use crate::geom::{Angle, Point, Vector};
@@ -15,6 +16,16 @@ pub enum VehicleKind {
     Rover,
     /// In the air: climbs, turns, then flies level.
     Copter,
+}
+
+impl VehicleKind {
+    /// Returns what its Health calls such a body.
+    pub fn body(self) -> BodyKind {
+        match self {
+            VehicleKind::Rover => BodyKind::Rover,
+            VehicleKind::Copter => BodyKind::Copter,
+        }
+    }
 }
 
 /// What an autopilot does by itself.

@@ -445,7 +445,7 @@ pub fn orders(now: Time, board: &Board) -> String {
     let stop = |stop: &EmergencyStop| {
         let concerned: Vec<VehicleId> = vehicles
             .iter()
-            .filter(|id| stop.scope == StopScope::All || stop.scope == StopScope::One(**id))
+            .filter(|id| stop.concerns(**id))
             .copied()
             .collect();
         let (shown, open): (Vec<VehicleId>, Vec<VehicleId>) = concerned

@@ -236,8 +236,7 @@ impl FleetView {
 
     /// Returns an open stop in words: whom it stops, who made it, and who of these vehicles does not show it.
     pub fn stop_in_words(&self, stop: &EmergencyStop, vehicles: &BTreeSet<VehicleId>) -> String {
-        let concerns =
-            |id: &&VehicleId| stop.scope == StopScope::All || stop.scope == StopScope::One(**id);
+        let concerns = |id: &&VehicleId| stop.concerns(**id);
         let shows = |id: &VehicleId| self.shows_stop(*id, stop.name) || self.is_under_a_stop(*id);
         let whom = match stop.scope {
             StopScope::All => "all vehicles".to_owned(),
@@ -259,8 +258,7 @@ impl FleetView {
     }
 
     fn is_under_a_stop(&self, id: VehicleId) -> bool {
-        let stands_under = self.state(id).and_then(|state| state.value.stands_under);
-        matches!(stands_under, Some(StandReason::Stop(_)))
+        self.state(id).is_some_and(|state| !is_free(&state.value))
     }
 
     /// Returns when a node said last which stops it knows; `None` = it never has.
@@ -384,8 +382,7 @@ impl FleetView {
         let was_free = self.state(id).is_some_and(|state| is_free(&state.value));
         let is_given = |stop: &&EmergencyStop| {
             let said = before.is_some_and(|open| open.iter().any(|known| known.name == stop.name));
-            let concerns = stop.scope == StopScope::All || stop.scope == StopScope::One(id);
-            !said && (before.is_some() || concerns && was_free)
+            !said && (before.is_some() || was_free && stop.concerns(id))
         };
         let given = standing.open.iter().filter(is_given).map(|stop| stop.name);
         for name in given.collect::<Vec<EmergencyName>>() {

@@ -89,9 +89,7 @@ pub struct Ordering {
     /// Its mission was given as a task.
     is_task_given: bool,
     /// The emergency stops that it lifts, known when it was first sent.
-    ends: Option<Vec<EmergencyName>>,
-    /// The same as they were given.
-    lifts: Vec<EmergencyStop>,
+    ends: Option<Vec<EmergencyStop>>,
     refused: Option<OrderRefusal>,
     stands: bool,
     withdrawn: BTreeSet<VehicleId>,
@@ -110,7 +108,6 @@ impl Ordering {
             run: None,
             is_task_given: false,
             ends: None,
-            lifts: Vec::new(),
             refused: None,
             stands: false,
             withdrawn: BTreeSet::new(),
@@ -284,7 +281,7 @@ impl Ordering {
             lease,
             run: self.run,
             refused: self.refused,
-            lifts: self.lifts.clone(),
+            lifts: self.ends.clone().unwrap_or_default(),
         }
     }
 
@@ -305,7 +302,7 @@ impl Ordering {
     fn stopped_since(&self) -> Option<OrderRefusal> {
         let ends = self.stops_to_end();
         let mut since = self.view.stops_given_after(self.began);
-        let stop = since.find(|stop| ends.contains(&stop.name))?;
+        let stop = since.find(|stop| ends.contains(stop))?;
         let (name, by) = (stop.name, stop.by);
         Some(OrderRefusal::StoppedSince { name, by })
     }
@@ -341,10 +338,9 @@ impl Ordering {
     }
 
     /// Returns the stops that a start lifts now.
-    fn stops_to_end(&self) -> Vec<EmergencyName> {
-        let names = self.view.open_stops().into_iter().map(|stop| stop.name);
-        names
-            .filter(|name| self.instruction.lifts_many || !name.is_many())
+    fn stops_to_end(&self) -> Vec<EmergencyStop> {
+        let open = self.view.open_stops().into_iter();
+        open.filter(|stop| self.instruction.lifts_many || !stop.name.is_many())
             .take(ENDS_MAX)
             .collect()
     }
@@ -364,10 +360,7 @@ impl Ordering {
         // Who does not tell may be unheard; that is judged once all were listened for.
         let is_known = self.has_listened(now) || all_have_told && knows_all;
         if is_known {
-            let ends = self.stops_to_end();
-            self.lifts = self.view.open_stops();
-            self.lifts.retain(|stop| ends.contains(&stop.name));
-            self.ends = Some(ends);
+            self.ends = Some(self.stops_to_end());
         }
         is_known
     }
@@ -402,7 +395,9 @@ impl Ordering {
     fn other_stop(&self, id: VehicleId) -> Option<EmergencyName> {
         let ends = self.ends.as_deref()?;
         match self.view.state(id)?.value.stands_under? {
-            StandReason::Stop(name) => Some(name).filter(|name| !ends.contains(name)),
+            StandReason::Stop(name) => {
+                Some(name).filter(|name| ends.iter().all(|stop| stop.name != *name))
+            }
             _ => None,
         }
     }
@@ -524,7 +519,8 @@ impl Ordering {
             boot: state.boot,
             sequence: state.sequence,
         });
-        let ends = ended(self.ends.as_deref().unwrap_or_default(), delivery.take_over);
+        let lifted = self.ends.iter().flatten().map(|stop| stop.name);
+        let ends = ended(&lifted.collect::<Vec<EmergencyName>>(), delivery.take_over);
         Some(Order {
             vehicle: id,
             lease,

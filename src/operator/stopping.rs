@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyStop, StandReason, StopScope, VehicleId};
+use tomoswarm_proto::{EmergencyStop, StandReason, VehicleId};
 
 use super::fleet_view::FleetView;
 use super::order_goal::StopRequest;
@@ -142,10 +142,7 @@ impl StopBatch {
 
     /// Returns the stops given here that concern a vehicle.
     fn of(&self, id: VehicleId) -> impl Iterator<Item = &EmergencyStop> {
-        self.stops.iter().filter(move |stop| match stop.scope {
-            StopScope::All => true,
-            StopScope::One(one) => one == id,
-        })
+        self.stops.iter().filter(move |stop| stop.concerns(id))
     }
 
     /// Returns whether a vehicle shows a stop that was given here, or another one that is open.
@@ -179,7 +176,9 @@ impl StopBatch {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::{EmergencyName, Message, OpenStops, OperatorId, Sender, State};
+    use tomoswarm_proto::{
+        EmergencyName, Message, OpenStops, OperatorId, Sender, State, StopScope,
+    };
 
     use super::super::HeardMessage;
     use super::super::tests_support::{at, heard, state};

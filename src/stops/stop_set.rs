@@ -131,11 +131,8 @@ pub fn first_that_stops<'a>(
     open: impl IntoIterator<Item = &'a EmergencyStop>,
     vehicle: VehicleId,
 ) -> Option<EmergencyName> {
-    let concerns = |stop: &&EmergencyStop| match stop.scope {
-        StopScope::All => true,
-        StopScope::One(one) => one == vehicle,
-    };
-    open.into_iter().find(concerns).map(|stop| stop.name)
+    let mut those = open.into_iter().filter(|stop| stop.concerns(vehicle));
+    those.next().map(|stop| stop.name)
 }
 
 #[cfg(test)]

@@ -83,6 +83,17 @@ pub struct EmergencyStop {
     pub by: OperatorId,
 }
 
+impl EmergencyStop {
+    /// Returns whether it stops a vehicle.
+    #[must_use]
+    pub fn concerns(&self, vehicle: VehicleId) -> bool {
+        match self.scope {
+            StopScope::All => true,
+            StopScope::One(one) => one == vehicle,
+        }
+    }
+}
+
 /// The emergency stops that a node knows. Nodes join what they hear by union, and lifted wins.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct OpenStops {

@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, BodyKind, Estimator, SatelliteFix};
+use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, Estimator, SatelliteFix};
 
 use super::MavlinkDriverSettings;
 use super::failsafes::failsafes;
 use super::heard::Heard;
-use crate::autopilot::VehicleKind;
 use crate::mavlink::dialect::{EstimatorStatusFlags, GpsFixType, MavAutopilot, SYS_STATUS_DATA};
 use crate::time::Time;
 
@@ -25,10 +24,7 @@ pub(super) fn health(
             MavAutopilot::MAV_AUTOPILOT_PX4 => AutopilotFamily::Px4,
             _ => AutopilotFamily::Other,
         },
-        body: match settings.kind {
-            VehicleKind::Rover => BodyKind::Rover,
-            VehicleKind::Copter => BodyKind::Copter,
-        },
+        body: settings.kind.body(),
         firmware: heard.version().map(version).unwrap_or_default(),
         battery_mv: power.and_then(voltage_mv),
         // Of hundredths of an ampere; less than nothing = not measured.

@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, BodyKind, RadioHealth, RangeHealth};
+use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, RadioHealth, RangeHealth};
 
 use crate::autopilot::{AutopilotReport, FlightMode, SystemStatus, VehicleKind};
 use crate::hw::Pings;
@@ -84,10 +84,7 @@ impl SimulatedDevices {
         HealthFacts {
             autopilot: Some(AutopilotHealth {
                 family: AutopilotFamily::Simulated,
-                body: match kind {
-                    VehicleKind::Rover => BodyKind::Rover,
-                    VehicleKind::Copter => BodyKind::Copter,
-                },
+                body: kind.body(),
                 ..AutopilotHealth::default()
             }),
             radio: Some(self.radio),
