@@ -176,6 +176,14 @@ fn a_click_on_the_image_says_which_links_made_the_pixel_and_their_shares_add_up_
         return;
     };
     view(&mut browser, "image");
+    // The picture has its size when it is drawn, and its place when what stands around it is.
+    browser.until(
+        "(() => { const image = tomoswarm.model.images.get(1), heat = document.getElementById('heat'), box = heat.getBoundingClientRect();
+           const at = [box.left, box.top, box.width, box.height].join(), isAtRest = at === globalThis.heat_at; globalThis.heat_at = at;
+           const isDrawn = document.getElementById('heat-scale').textContent.includes(`Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links`);
+           return isDrawn && isAtRest; })()",
+        10,
+    );
     let says = "document.getElementById('why-result').textContent.includes('is the sum of')";
     let adds_up = |browser: &mut Browser| {
         browser.until(says, 20);
