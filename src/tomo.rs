@@ -17,6 +17,7 @@ mod image;
 mod imaged_links;
 mod imager;
 mod kriging;
+mod lanes;
 mod link;
 mod links_csv;
 mod map_solver;

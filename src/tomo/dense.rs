@@ -1,8 +1,12 @@
 //! Dense symmetric matrices of up to a few thousand rows: Cholesky factor and inverse.
 //!
-//! Sums are split into as many parts as there are lanes, in a fixed order, so that results are the same on every machine; four
-//! rows are worked on at a time, since the time goes into memory otherwise. Smaller systems that grow row by row are
-//! [`super::cholesky`]'s.
+//! All of it adds multiples of four rows to another, in a fixed order, so that results are the same on every machine, with
+//! wide registers or without; and to a block of rows that stays in a core's own memory, since the time goes into memory
+//! otherwise. Smaller systems that grow row by row are [`super::cholesky`]'s.
+
+use std::ops::Range;
+
+use multiversion::multiversion;
 
 /// A square matrix of which the lower triangle counts, row after row.
 #[derive(Clone, PartialEq, Debug)]
@@ -11,8 +15,10 @@ pub(super) struct LowerTriangle {
     values: Vec<f64>,
 }
 
-/// Rows that are worked on together.
+/// Rows that are added together.
 const PANEL: usize = 4;
+/// Rows that others are read once for: of 4,000 columns they are half a megabyte.
+const BLOCK: usize = 4 * PANEL;
 
 impl LowerTriangle {
     /// Makes a matrix of `entry(i, j)`, told for j ≤ i.
@@ -39,34 +45,73 @@ impl LowerTriangle {
 
     /// Turns a symmetric positive definite matrix A = L Lᵀ into L; `None` when it is not positive definite.
     pub(super) fn factor(mut self) -> Option<LowerTriangle> {
+        // Rows of Lᵀ are what is added; they stand above the diagonal meanwhile.
         let rows = self.rows;
-        for first in (0..rows).step_by(PANEL) {
-            let (known, panel) = self.values.split_at_mut(first * rows);
-            let panel_rows = PANEL.min(rows - first);
-            for (j, earlier) in known.chunks_exact(rows).enumerate() {
-                subtract_products(panel, panel_rows, rows, earlier, j);
+        self.mirror(|above, below| *above = *below);
+        for first in (0..rows).step_by(BLOCK) {
+            let (known, rest) = self.values.split_at_mut(first * rows);
+            let block = &mut rest[..BLOCK.min(rows - first) * rows];
+            for four in known.chunks_exact(PANEL * rows) {
+                for (own, row) in block.chunks_exact_mut(rows).enumerate() {
+                    let factor = |k: usize| -four[k * rows + first + own];
+                    add_rows(row, four, first..rows, factor);
+                }
             }
-            if !factor_corner(panel, panel_rows, rows, first) {
-                return None;
+            for own in 0..block.len() / rows {
+                let (above, rest) = block.split_at_mut(own * rows);
+                let (i, row) = (first + own, &mut rest[..rows]);
+                add_rows(row, above, i..rows, |k| -above[k * rows + i]);
+                let left = row[i];
+                if !(left > 0.0 && left.is_finite()) {
+                    return None;
+                }
+                let diagonal = left.sqrt();
+                row[i] = diagonal;
+                row[i + 1..].iter_mut().for_each(|value| *value /= diagonal);
             }
         }
+        self.mirror(|above, below| (*below, *above) = (*above, 0.0));
         Some(self)
+    }
+
+    /// Does something with each entry above the diagonal and that below it; tile by tile, since those lie far apart.
+    fn mirror(&mut self, change: impl Fn(&mut f64, &mut f64)) {
+        let rows = self.rows;
+        for first in (0..rows).step_by(BLOCK) {
+            for left in (0..=first).step_by(BLOCK) {
+                for i in first..rows.min(first + BLOCK) {
+                    let (known, rest) = self.values.split_at_mut(i * rows);
+                    for j in left..i.min(left + BLOCK) {
+                        change(&mut known[j * rows + i], &mut rest[j]);
+                    }
+                }
+            }
+        }
     }
 
     /// Turns a lower triangular matrix L with a positive diagonal into L⁻¹.
     pub(super) fn inverse_of_factor(mut self) -> LowerTriangle {
         let rows = self.rows;
-        for i in 0..rows {
-            let (known, rest) = self.values.split_at_mut(i * rows);
-            let row = &mut rest[..=i];
-            let coefficients: Vec<f64> = row[..i].to_vec();
-            let diagonal = row[i];
-            row[..i].fill(0.0);
-            for (first, four) in coefficients.chunks(PANEL).enumerate() {
-                add_rows(&mut row[..i], known, rows, first * PANEL, four);
+        let mut factor = Vec::with_capacity(BLOCK * rows);
+        for first in (0..rows).step_by(BLOCK) {
+            let (known, rest) = self.values.split_at_mut(first * rows);
+            let block = &mut rest[..BLOCK.min(rows - first) * rows];
+            factor.clear();
+            factor.extend_from_slice(block);
+            block.fill(0.0);
+            for (panel, four) in known.chunks_exact(PANEL * rows).enumerate() {
+                let k = panel * PANEL;
+                for (row, of_row) in block.chunks_exact_mut(rows).zip(factor.chunks_exact(rows)) {
+                    add_rows(row, four, 0..k + PANEL, |own| of_row[k + own]);
+                }
             }
-            row[..i].iter_mut().for_each(|value| *value /= -diagonal);
-            row[i] = 1.0 / diagonal;
+            for (own, of_row) in factor.chunks_exact(rows).enumerate() {
+                let (above, rest) = block.split_at_mut(own * rows);
+                let (i, row) = (first + own, &mut rest[..rows]);
+                add_rows(row, above, 0..i, |k| of_row[first + k]);
+                row[..i].iter_mut().for_each(|value| *value /= -of_row[i]);
+                row[i] = 1.0 / of_row[i];
+            }
         }
         self
     }
@@ -74,20 +119,18 @@ impl LowerTriangle {
     /// Returns Mᵀ M of a lower triangular matrix M.
     pub(super) fn gram(&self) -> LowerTriangle {
         let rows = self.rows;
-        let mut gram = LowerTriangle {
-            rows,
-            values: vec![0.0; rows * rows],
-        };
-        for first in (0..rows).step_by(PANEL) {
-            let last = (first + PANEL).min(rows);
-            for i in 0..last {
-                let coefficients: Vec<f64> =
-                    (first..last).map(|k| self.values[k * rows + i]).collect();
-                let target = &mut gram.values[i * rows..=i * rows + i];
-                add_rows(target, &self.values, rows, first, &coefficients);
+        let mut values = vec![0.0; rows * rows];
+        for (index, block) in values.chunks_mut(BLOCK * rows.max(1)).enumerate() {
+            let first = index * BLOCK;
+            let below = &self.values[first * rows..];
+            for four in below.chunks(PANEL * rows) {
+                for (own, row) in block.chunks_exact_mut(rows).enumerate() {
+                    let i = first + own;
+                    add_rows(row, four, 0..i + 1, |k| four[k * rows + i]);
+                }
             }
         }
-        gram
+        LowerTriangle { rows, values }
     }
 
     /// Returns the diagonal of Mᵀ M of a lower triangular matrix M.
@@ -103,117 +146,34 @@ impl LowerTriangle {
     }
 }
 
-/// Divides column j of a panel of rows out: entry j less the product of all entries before it with those of an earlier row.
-fn subtract_products(panel: &mut [f64], panel_rows: usize, rows: usize, earlier: &[f64], j: usize) {
-    let before = &earlier[..j];
-    if panel_rows == PANEL {
-        let (a, rest) = panel.split_at_mut(rows);
-        let (b, rest) = rest.split_at_mut(rows);
-        let (c, d) = rest.split_at_mut(rows);
-        let products = four_dots([&a[..j], &b[..j], &c[..j], &d[..j]], before);
-        for (row, product) in [a, b, c, d].into_iter().zip(products) {
-            row[j] = (row[j] - product) / earlier[j];
-        }
-        return;
+/// Adds other rows to one, each times its factor: the columns of a range, four rows at a time.
+fn add_rows(to: &mut [f64], others: &[f64], columns: Range<usize>, factor: impl Fn(usize) -> f64) {
+    let length = to.len();
+    let to = &mut to[columns.clone()];
+    let row = |k: usize| &others[k * length + columns.start..k * length + columns.end];
+    let count = others.len() / length;
+    let whole = count / PANEL * PANEL;
+    for k in (0..whole).step_by(PANEL) {
+        let four = [row(k), row(k + 1), row(k + 2), row(k + 3)];
+        let factors = [factor(k), factor(k + 1), factor(k + 2), factor(k + 3)];
+        add_four(to, four, factors);
     }
-    for row in panel.chunks_exact_mut(rows).take(panel_rows) {
-        let [product, ..] = four_dots([&row[..j], &[], &[], &[]], before);
-        row[j] = (row[j] - product) / earlier[j];
-    }
-}
-
-/// Factorizes the corner in which a panel of rows meets itself; returns whether it is positive definite.
-fn factor_corner(panel: &mut [f64], panel_rows: usize, rows: usize, first: usize) -> bool {
-    for own in 0..panel_rows {
-        let (known, rest) = panel.split_at_mut(own * rows);
-        let row = &mut rest[..rows];
-        for (other, earlier) in known.chunks_exact(rows).enumerate() {
-            let j = first + other;
-            let [product, ..] = four_dots([&row[..j], &[], &[], &[]], &earlier[..j]);
-            row[j] = (row[j] - product) / earlier[j];
-        }
-        let i = first + own;
-        let [square, ..] = four_dots([&row[..i], &[], &[], &[]], &row[..i]);
-        let left = row[i] - square;
-        if !(left > 0.0 && left.is_finite()) {
-            return false;
-        }
-        row[i] = left.sqrt();
-    }
-    true
-}
-
-/// Returns the inner products of up to four rows with one; an empty row has none.
-fn four_dots(rows: [&[f64]; 4], with: &[f64]) -> [f64; 4] {
-    if rows.iter().any(|row| row.len() != with.len()) {
-        return rows.map(|row| lanes_dot(row, &with[..row.len().min(with.len())]));
-    }
-    let [a, b, c, d] = rows.map(|row| &row[..with.len()]);
-    let mut sums = [[0.0; 2]; 4];
-    let whole = with.len() / 2 * 2;
-    for k in (0..whole).step_by(2) {
-        let w = [with[k], with[k + 1]];
-        for (sum, row) in sums.iter_mut().zip([a, b, c, d]) {
-            sum[0] += row[k] * w[0];
-            sum[1] += row[k + 1] * w[1];
-        }
-    }
-    let mut totals = sums.map(|[even, odd]| even + odd);
-    if let Some(last) = with.get(whole) {
-        for (total, row) in totals.iter_mut().zip([a, b, c, d]) {
-            *total += row[whole] * last;
-        }
-    }
-    totals
-}
-
-/// Returns an inner product, summed up in the order of [`four_dots`].
-fn lanes_dot(a: &[f64], b: &[f64]) -> f64 {
-    let (mut even, mut odd) = (0.0, 0.0);
-    let (a_pairs, b_pairs) = (a.chunks_exact(2), b.chunks_exact(2));
-    let rest = a_pairs
-        .remainder()
-        .iter()
-        .zip(b_pairs.remainder())
-        .map(|(x, y)| x * y)
-        .next();
-    for (x, y) in a_pairs.zip(b_pairs) {
-        even += x[0] * y[0];
-        odd += x[1] * y[1];
-    }
-    even + odd + rest.unwrap_or(0.0)
-}
-
-/// Adds rows of a lower triangular matrix, from `first` on, each times its coefficient.
-fn add_rows(target: &mut [f64], matrix: &[f64], rows: usize, first: usize, coefficients: &[f64]) {
-    let row = |k: usize| &matrix[(first + k) * rows..(first + k + 1) * rows];
-    let whole = target.len().min(first + 1);
-    if let [a, b, c, d] = *coefficients {
-        let (head, tail) = target.split_at_mut(whole);
-        let four = row(0)[..whole]
-            .iter()
-            .zip(&row(1)[..whole])
-            .zip(row(2)[..whole].iter().zip(&row(3)[..whole]));
-        for (value, ((w, x), (y, z))) in head.iter_mut().zip(four) {
-            *value += a * w + b * x + (c * y + d * z);
-        }
-        for (k, coefficient) in coefficients.iter().enumerate() {
-            add_tail(tail, row(k), whole, first + k, *coefficient);
-        }
-        return;
-    }
-    for (k, coefficient) in coefficients.iter().enumerate() {
-        add_tail(target, row(k), 0, first + k, *coefficient);
+    for k in whole..count {
+        let factor = factor(k);
+        to.iter_mut()
+            .zip(row(k))
+            .for_each(|(to, value)| *to += factor * value);
     }
 }
 
-/// Adds the entries of one row from a column on, up to its diagonal.
-fn add_tail(target: &mut [f64], row: &[f64], from: usize, diagonal: usize, coefficient: f64) {
-    if from <= diagonal {
-        target
-            .iter_mut()
-            .zip(&row[from..=diagonal])
-            .for_each(|(value, entry)| *value += coefficient * entry);
+/// Adds four rows, each times its factor. (Compiled for wide registers too, which change no bit.)
+#[multiversion(targets("x86_64+avx2"))]
+fn add_four(to: &mut [f64], rows: [&[f64]; PANEL], factors: [f64; PANEL]) {
+    let length = to.len();
+    let [w, x, y, z] = rows.map(|row| &row[..length]);
+    let [a, b, c, d] = factors;
+    for k in 0..length {
+        to[k] += (a * w[k] + b * x[k]) + (c * y[k] + d * z[k]);
     }
 }
 

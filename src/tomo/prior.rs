@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use rustfft::num_complex::Complex64;
+use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
+use super::lanes::{LANES, Lanes};
 use crate::geom::PixelGrid;
 
 /// The exponential covariance: σ² and δ.
@@ -28,20 +29,24 @@ pub struct Covariance {
     columns: usize,
     padded_rows: usize,
     padded_columns: usize,
-    /// Of the kernel, half the columns, column by column; divided by the padded size.
-    spectrum: Vec<f64>,
-    row_forward: Arc<dyn Fft<f64>>,
-    row_inverse: Arc<dyn Fft<f64>>,
-    column_forward: Arc<dyn Fft<f64>>,
-    column_inverse: Arc<dyn Fft<f64>>,
+    /// Of the kernel, half the columns, [`LANES`] of them side by side; divided by the padded size.
+    spectrum: Vec<Lanes>,
+    row_forward: Arc<dyn Fft<Lanes>>,
+    row_inverse: Arc<dyn Fft<Lanes>>,
+    column_forward: Arc<dyn Fft<Lanes>>,
+    column_inverse: Arc<dyn Fft<Lanes>>,
 }
+
+/// Rows that are transformed together: two real rows travel as one complex row, in each lane.
+const ROWS_TOGETHER: usize = 2 * LANES;
 
 /// Memory that one application after another uses again.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    row: Vec<Complex64>,
-    columns: Vec<Complex64>,
-    scratch: Vec<Complex64>,
+    row: Vec<Complex<Lanes>>,
+    /// Column group after column group, each row after row.
+    columns: Vec<Complex<Lanes>>,
+    scratch: Vec<Complex<Lanes>>,
 }
 
 impl std::fmt::Debug for Covariance {
@@ -71,29 +76,35 @@ impl Covariance {
         covariance
     }
 
-    fn kernel_spectrum(&self, grid: &PixelGrid, prior: Prior) -> Vec<f64> {
+    /// Returns how many groups of columns there are: of half the columns, since those of a real image mirror each other.
+    fn groups(&self) -> usize {
+        (self.padded_columns / 2 + 1).div_ceil(LANES)
+    }
+
+    fn kernel_spectrum(&self, grid: &PixelGrid, prior: Prior) -> Vec<Lanes> {
         let (height, width) = (self.padded_rows, self.padded_columns);
         let apart =
             |index: usize, size: usize, pitch_m: f64| index.min(size - index) as f64 * pitch_m;
-        let half = width / 2 + 1;
-        let mut columns = vec![Complex64::default(); half * height];
+        let mut columns = vec![Complex::<Lanes>::default(); self.groups() * height];
         for row in 0..height {
             let y_m = apart(row, height, grid.dy_m());
-            let mut line: Vec<Complex64> = (0..width)
+            let mut line: Vec<Complex<Lanes>> = (0..width)
                 .map(|column| {
                     let x_m = apart(column, width, grid.dx_m());
                     let distance_m = (x_m * x_m + y_m * y_m).sqrt();
-                    Complex64::new(
-                        prior.variance * libm::exp(-distance_m / prior.length_m),
-                        0.0,
-                    )
+                    let value = prior.variance * libm::exp(-distance_m / prior.length_m);
+                    Complex::new(Lanes::all(value), Lanes::default())
                 })
                 .collect();
             self.row_forward.process(&mut line);
-            (0..half).for_each(|column| columns[column * height + row] = line[column]);
+            for (column, value) in line[..=width / 2].iter().enumerate() {
+                let to = &mut columns[column / LANES * height + row];
+                let lane = column % LANES;
+                (to.re.0[lane], to.im.0[lane]) = (value.re.0[lane], value.im.0[lane]);
+            }
         }
         self.column_forward.process(&mut columns);
-        let scale = 1.0 / (height * width) as f64;
+        let scale = Lanes::all(1.0 / (height * width) as f64);
         columns.iter().map(|value| value.re * scale).collect()
     }
 
@@ -102,12 +113,12 @@ impl Covariance {
         self.rows * self.columns
     }
 
-    /// Gives C x; two real rows travel as one complex row, and only half of the columns are needed.
+    /// Gives C x.
     pub fn apply(&self, image: &[f64], output: &mut [f64], work: &mut Workspace) {
-        let (height, half) = (self.padded_rows, self.padded_columns / 2 + 1);
-        work.row.resize(self.padded_columns, Complex64::default());
+        work.row.resize(self.padded_columns, Complex::default());
         work.columns.clear();
-        work.columns.resize(half * height, Complex64::default());
+        work.columns
+            .resize(self.groups() * self.padded_rows, Complex::default());
         let needed = [
             &self.row_forward,
             &self.row_inverse,
@@ -116,75 +127,78 @@ impl Covariance {
         ]
         .map(|fft| fft.get_inplace_scratch_len());
         work.scratch
-            .resize(needed.into_iter().max().unwrap_or(0), Complex64::default());
-        for row in (0..self.rows).step_by(2) {
-            self.forward_pair(image, row, work);
+            .resize(needed.into_iter().max().unwrap_or(0), Complex::default());
+        for row in (0..self.rows).step_by(ROWS_TOGETHER) {
+            self.forward_rows(image, row, work);
         }
         self.column_forward
             .process_with_scratch(&mut work.columns, &mut work.scratch);
-        work.columns
-            .iter_mut()
-            .zip(&self.spectrum)
-            .for_each(|(value, factor)| *value *= factor);
+        for (value, factor) in work.columns.iter_mut().zip(&self.spectrum) {
+            *value = Complex::new(value.re * *factor, value.im * *factor);
+        }
         self.column_inverse
             .process_with_scratch(&mut work.columns, &mut work.scratch);
-        for row in (0..self.rows).step_by(2) {
-            self.inverse_pair(output, row, work);
+        for row in (0..self.rows).step_by(ROWS_TOGETHER) {
+            self.inverse_rows(output, row, work);
         }
     }
 
-    fn forward_pair(&self, image: &[f64], row: usize, work: &mut Workspace) {
+    /// Transforms rows of the image from `first` on; row `first + 2 lane` is real and the one after it imaginary.
+    fn forward_rows(&self, image: &[f64], first: usize, work: &mut Workspace) {
         let (width, height) = (self.padded_columns, self.padded_rows);
-        let pixel = |row: usize, column: usize| {
-            image
-                .get(row * self.columns + column)
-                .copied()
-                .unwrap_or(0.0)
-        };
-        for column in 0..self.columns {
-            work.row[column] = Complex64::new(pixel(row, column), pixel(row + 1, column));
+        work.row.fill(Complex::default());
+        let rows = image.chunks_exact(self.columns.max(1)).skip(first);
+        for (at, row) in rows.take(ROWS_TOGETHER).enumerate() {
+            let (lane, is_imaginary) = (at / 2, at % 2 == 1);
+            for (to, value) in work.row.iter_mut().zip(row) {
+                let part = if is_imaginary { &mut to.im } else { &mut to.re };
+                part.0[lane] = *value;
+            }
         }
-        work.row[self.columns..].fill(Complex64::default());
         self.row_forward
             .process_with_scratch(&mut work.row, &mut work.scratch);
+        let together = ROWS_TOGETHER.min(self.rows - first);
         for column in 0..=width / 2 {
             let (here, mirrored) = (work.row[column], work.row[(width - column) % width].conj());
-            let (sum, difference) = ((here + mirrored) * 0.5, (here - mirrored) * 0.5);
-            work.columns[column * height + row] = sum;
-            if row + 1 < self.rows {
-                work.columns[column * height + row + 1] =
-                    Complex64::new(difference.im, -difference.re);
+            let half = Lanes::all(0.5);
+            let (sum, difference) = (here + mirrored, here - mirrored);
+            let even = Complex::new(sum.re * half, sum.im * half);
+            let odd = Complex::new(difference.im * half, -(difference.re * half));
+            let start = column / LANES * height + first;
+            let to = &mut work.columns[start..start + together];
+            for (at, to) in to.iter_mut().enumerate() {
+                let from = if at % 2 == 0 { &even } else { &odd };
+                let lane = column % LANES;
+                (to.re.0[lane], to.im.0[lane]) = (from.re.0[at / 2], from.im.0[at / 2]);
             }
         }
     }
 
-    fn inverse_pair(&self, output: &mut [f64], row: usize, work: &mut Workspace) {
+    /// Transforms rows back, as [`Covariance::forward_rows`] has put them.
+    fn inverse_rows(&self, output: &mut [f64], first: usize, work: &mut Workspace) {
         let (width, height) = (self.padded_columns, self.padded_rows);
-        let turned = |value: Complex64| Complex64::new(-value.im, value.re);
+        let turned = |value: Complex<Lanes>| Complex::new(-value.im, value.re);
+        let together = ROWS_TOGETHER.min(self.rows - first);
         for column in 0..=width / 2 {
-            let (even, odd) = (
-                work.columns[column * height + row],
-                work.columns[column * height + row + 1],
-            );
-            work.row[column] = even + turned(odd);
-            work.row[(width - column) % width] = even.conj() + turned(odd.conj());
-        }
-        // The first and the middle column have no mirrored partner of their own.
-        for column in [0, width / 2] {
-            if (width - column) % width == column {
-                let (even, odd) = (
-                    work.columns[column * height + row],
-                    work.columns[column * height + row + 1],
-                );
-                work.row[column] = even + turned(odd);
+            let (mut even, mut odd) = (Complex::<Lanes>::default(), Complex::<Lanes>::default());
+            let start = column / LANES * height + first;
+            for (at, from) in work.columns[start..start + together].iter().enumerate() {
+                let to = if at % 2 == 0 { &mut even } else { &mut odd };
+                let lane = column % LANES;
+                (to.re.0[at / 2], to.im.0[at / 2]) = (from.re.0[lane], from.im.0[lane]);
             }
+            // The first and the middle column have no mirrored partner of their own, and are written last.
+            work.row[(width - column) % width] = even.conj() + turned(odd.conj());
+            work.row[column] = even + turned(odd);
         }
         self.row_inverse
             .process_with_scratch(&mut work.row, &mut work.scratch);
-        for (column, value) in work.row[..self.columns].iter().enumerate() {
-            output[row * self.columns + column] = value.re;
-            if row + 1 < self.rows {
-                output[(row + 1) * self.columns + column] = value.im;
+        let rows = output.chunks_exact_mut(self.columns.max(1)).skip(first);
+        for (at, row) in rows.take(ROWS_TOGETHER).enumerate() {
+            let (lane, is_imaginary) = (at / 2, at % 2 == 1);
+            for (value, from) in row.iter_mut().zip(&work.row) {
+                let part = if is_imaginary { &from.im } else { &from.re };
+                *value = part.0[lane];
             }
         }
     }

@@ -24,6 +24,9 @@ pub const MOST_IN_PIXELS: usize = 2_500;
 /// Changes of the covariance that are collected before they are applied in one pass over it.
 const PENDING: usize = 16;
 
+/// Links of which the products with all others are found in one pass.
+const TOGETHER: usize = 16;
+
 /// A link to be added: a row of the weights, what it lost, and how surely.
 #[derive(Clone, Copy, Debug)]
 pub struct StreamedLink<'a> {
@@ -308,19 +311,29 @@ impl StreamingMap {
         true
     }
 
-    /// Returns the lower triangle of W C Wᵀ, row after row.
+    /// Returns the lower triangle of W C Wᵀ, row after row: some links at a time, so that all weights are read once for those.
     fn gram(&mut self, rows: &WeightRows) -> Vec<f64> {
-        let mut gram = Vec::with_capacity(rows.len() * (rows.len() + 1) / 2);
+        let triangle = |i: usize| i * (i + 1) / 2;
+        let mut gram = vec![0.0; triangle(rows.len())];
         let mut weights = vec![0.0; self.image.len()];
         let mut alike = vec![0.0; self.image.len()];
-        for i in 0..rows.len() {
-            weights.fill(0.0);
-            rows.row(i)
-                .for_each(|(pixel, weight)| weights[pixel] += weight);
-            self.covariance.apply(&weights, &mut alike, &mut self.work);
-            let first = gram.len();
-            gram.resize(first + i + 1, 0.0);
-            rows.forward(&alike, &mut gram[first..]);
+        let mut together = vec![[0.0; TOGETHER]; self.image.len()];
+        for first in (0..rows.len()).step_by(TOGETHER) {
+            let last = rows.len().min(first + TOGETHER);
+            for i in first..last {
+                weights.fill(0.0);
+                rows.row(i)
+                    .for_each(|(pixel, weight)| weights[pixel] += weight);
+                self.covariance.apply(&weights, &mut alike, &mut self.work);
+                for (lanes, value) in together.iter_mut().zip(&alike) {
+                    lanes[i - first] = *value;
+                }
+            }
+            rows.forward_lanes(0..last, &together, |j, entries| {
+                for i in first.max(j)..last {
+                    gram[triangle(i) + j] = entries[i - first];
+                }
+            });
         }
         gram
     }

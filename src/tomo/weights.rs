@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 
 use super::fresnel::FresnelLink;
@@ -294,41 +295,32 @@ impl WeightRows {
 
     /// Gives W x: one value per link.
     pub fn forward(&self, image: &[f64], links: &mut [f64]) {
-        for (row, link) in links.iter_mut().enumerate() {
-            *link = self
-                .runs_of(row)
-                .iter()
-                .map(|run| {
-                    let first = run.first_pixel as usize;
-                    dot(
-                        self.values_of(*run),
-                        &image[first..first + run.length as usize],
-                    )
-                })
-                .sum();
-        }
+        let rows = 0..self.len().min(links.len());
+        self.forward_lanes(rows, image.as_chunks().0, |row, [there]| links[row] = there);
     }
 
     /// Gives Wᵀ a: one value per pixel.
     pub fn backward(&self, links: &[f64], image: &mut [f64]) {
         image.fill(0.0);
         for (row, link) in links.iter().enumerate() {
-            for run in self.runs_of(row) {
-                let first = run.first_pixel as usize;
-                let pixels = &mut image[first..first + run.length as usize];
-                add_scaled(pixels, self.values_of(*run), *link);
-            }
+            add_row(
+                self.runs_of(row),
+                &self.values,
+                image.as_chunks_mut().0,
+                [*link],
+            );
         }
     }
 
-    /// Gives W x of several images at once, one lane for each.
+    /// Gives some rows of W x of several images at once, one lane for each.
     pub(super) fn forward_lanes<const LANES: usize>(
         &self,
+        rows: Range<usize>,
         images: &[[f64; LANES]],
         mut of_link: impl FnMut(usize, [f64; LANES]),
     ) {
-        for row in 0..self.len() {
-            of_link(row, self.there(row, images));
+        for row in rows {
+            of_link(row, row_dots(self.runs_of(row), &self.values, images));
         }
     }
 
@@ -342,24 +334,10 @@ impl WeightRows {
     ) {
         output.fill([0.0; LANES]);
         for row in 0..self.len() {
-            let back = of_link(row, self.there(row, images));
-            for run in self.runs_of(row) {
-                let first = run.first_pixel as usize;
-                let pixels = &mut output[first..first + run.length as usize];
-                add_scaled_lanes(pixels, self.values_of(*run), back);
-            }
+            let runs = self.runs_of(row);
+            let back = of_link(row, row_dots(runs, &self.values, images));
+            add_row(runs, &self.values, output, back);
         }
-    }
-
-    #[inline]
-    fn there<const LANES: usize>(&self, row: usize, images: &[[f64; LANES]]) -> [f64; LANES] {
-        let mut there = [0.0; LANES];
-        for run in self.runs_of(row) {
-            let first = run.first_pixel as usize;
-            let pixels = &images[first..first + run.length as usize];
-            add_dots(&mut there, self.values_of(*run), pixels);
-        }
-        there
     }
 
     fn runs_of(&self, row: usize) -> &[Run] {
@@ -367,13 +345,53 @@ impl WeightRows {
     }
 
     fn values_of(&self, run: Run) -> &[f64] {
-        &self.values[run.first_value as usize..(run.first_value + run.length) as usize]
+        run.of(&self.values)
+    }
+}
+
+impl Run {
+    #[inline(always)]
+    fn of(self, values: &[f64]) -> &[f64] {
+        &values[self.first_value as usize..(self.first_value + self.length) as usize]
+    }
+
+    #[inline(always)]
+    fn pixels(self) -> Range<usize> {
+        self.first_pixel as usize..(self.first_pixel + self.length) as usize
+    }
+}
+
+/// Returns the scalar products of a row with each lane of the images. (Compiled for wide registers too, which change no bit: each
+/// operation is the same one, and none are joined.)
+#[multiversion(targets("x86_64+avx2"))]
+fn row_dots<const LANES: usize>(
+    runs: &[Run],
+    values: &[f64],
+    images: &[[f64; LANES]],
+) -> [f64; LANES] {
+    let mut there = [0.0; LANES];
+    for run in runs {
+        add_dots(&mut there, run.of(values), &images[run.pixels()]);
+    }
+    there
+}
+
+/// Adds a multiple of a row to each lane of the images.
+#[multiversion(targets("x86_64+avx2"))]
+fn add_row<const LANES: usize>(
+    runs: &[Run],
+    values: &[f64],
+    images: &mut [[f64; LANES]],
+    factors: [f64; LANES],
+) {
+    for run in runs {
+        add_scaled_lanes(&mut images[run.pixels()], run.of(values), factors);
     }
 }
 
 /// Scalar product with four independent sums, so that it does not wait for each addition. (Loops over places here and
 /// below: iterators in pairs are compiled apart from what uses them, and called for every run.)
-#[inline]
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a_fours, a_rest), (b_fours, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
     let mut rest = -0.0;
@@ -391,7 +409,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Adds a multiple of some values to others, one to one.
-#[inline]
+#[inline(always)]
 fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
     for place in 0..to.len().min(values.len()) {
         to[place] += factor * values[place];
@@ -399,7 +417,7 @@ fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
 }
 
 /// Adds the scalar products of some values with each lane.
-#[inline]
+#[inline(always)]
 fn add_dots<const LANES: usize>(to: &mut [f64; LANES], values: &[f64], lanes: &[[f64; LANES]]) {
     if LANES == 1 {
         to[0] += dot(values, lanes.as_flattened());
@@ -414,7 +432,7 @@ fn add_dots<const LANES: usize>(to: &mut [f64; LANES], values: &[f64], lanes: &[
 }
 
 /// Adds a multiple of some values to each lane.
-#[inline]
+#[inline(always)]
 fn add_scaled_lanes<const LANES: usize>(
     to: &mut [[f64; LANES]],
     values: &[f64],
