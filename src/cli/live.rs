@@ -75,6 +75,9 @@ pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
         let mut swarm = Swarm::start(args, &scenario, seed, &live)?;
         #[cfg(feature = "dash")]
         let page = start_page(args, &live, out)?;
+        let file = live.join(OPERATOR);
+        writeln!(out, "while it lasts: tomoswarm status {}", file.display())
+            .map_err(CliError::stdout)?;
         let failure = swarm.play(&stop, started);
         #[cfg(feature = "dash")]
         page.into_iter().for_each(PageProcess::end);

@@ -187,8 +187,19 @@ impl OrderWord {
         }
     }
 
+    /// Returns how it was said.
     fn name(self) -> &'static str {
-        self.kind().map_or("emergency", kind_name)
+        match self {
+            OrderWord::Pause => "pause",
+            OrderWord::Resume => "resume",
+            OrderWord::Start
+            | OrderWord::Hold
+            | OrderWord::Return
+            | OrderWord::Land
+            | OrderWord::Emergency
+            | OrderWord::CutMotors
+            | OrderWord::Mark => self.kind().map_or("emergency", kind_name),
+        }
     }
 }
 

@@ -1,12 +1,17 @@
 //! What is known of the swarm as metrics that Prometheus reads (text format 0.0.4): numbers, with vehicles by their number. No
 //! text of a node is in it.
 
+use std::time::Duration;
+
 use tomoswarm_proto::VehicleId;
 
 use super::board::Board;
-use super::radio::PairView;
+use super::radio::{PairView, WINDOW};
 use crate::operator::fleet_view::VehicleView;
 use crate::time::Time;
+
+/// A pair of which no sample has come for so long has no strength and no loss to tell.
+const FRESH: Duration = Duration::from_secs(2 * WINDOW.as_secs());
 
 /// Returns all metrics; those that are not known are left out.
 pub fn metrics(now: Time, board: &Board) -> String {
@@ -63,16 +68,27 @@ pub fn metrics(now: Time, board: &Board) -> String {
             known.map(|(pair, value)| (label(pair), value)),
         );
     };
-    of_pairs("radio_strength_dbm", "Last strength.", &|pair| {
-        pair.rssi_dbm.map(f64::from)
-    });
-    of_pairs("radio_loss_ratio", "Beacons missed in 5 s.", &|pair| {
-        Some(pair.loss)
-    });
+    of_pairs(
+        "radio_age_seconds",
+        "Age of the last sample, of a beacon that was missed too.",
+        &|pair| Some(now.since(pair.at).as_secs_f64()),
+    );
+    // Where both are silent nothing is missed: an old value would say that all is well.
+    let is_fresh = |pair: &PairView| now.since(pair.at) <= FRESH;
+    of_pairs(
+        "radio_strength_dbm",
+        "Last strength, while samples come.",
+        &|pair| is_fresh(&pair).then_some(f64::from(pair.rssi_dbm?)),
+    );
+    of_pairs(
+        "radio_loss_ratio",
+        "Beacons missed in 5 s, while samples come.",
+        &|pair| is_fresh(&pair).then_some(pair.loss),
+    );
     of_pairs(
         "radio_excess_db",
-        "Weaker than the path loss of all pairs.",
-        &|pair| pair.excess_db,
+        "Weaker than the path loss of all pairs, while samples come.",
+        &|pair| is_fresh(&pair).then_some(pair.excess_db?),
     );
     out
 }
@@ -145,7 +161,7 @@ mod tests {
     use crate::dash::board::BoardInput;
     use crate::geom::Lattice;
     use crate::operator::tests_support::{at, heard, report, state};
-    use tomoswarm_proto::{Health, Message};
+    use tomoswarm_proto::{Health, Message, PoseReport, Sample, Samples};
 
     #[test]
     fn every_line_is_a_number_and_no_text_of_a_vehicle_is_in_it() {
@@ -179,5 +195,38 @@ mod tests {
             assert!(value.parse::<f64>().is_ok(), "{line}");
         }
         assert!(!text.contains("radio_"), "no pair, no metric");
+    }
+
+    #[test]
+    fn a_pair_of_which_nothing_comes_any_more_has_an_age_and_no_loss() {
+        let mut board = Board::new(7, Lattice::new(0.1));
+        let sample = Sample {
+            sequence: 1,
+            heard_at_ns: 1_000_000_000,
+            transmitter: VehicleId(2),
+            transmitter_pose: PoseReport::default(),
+            receiver_pose: PoseReport::default(),
+            channel: 20,
+            power_dbm: 0,
+            rssi_dbm: Some(-60),
+        };
+        let batch = Samples {
+            vehicle: VehicleId(1),
+            samples: vec![sample],
+            ..Samples::default()
+        };
+        board.take(at(1.0), &BoardInput::Heard(heard(Message::Samples(batch))));
+        let value = |now_s: f64, name: &str| {
+            let text = metrics(at(now_s), &board);
+            let start = format!("tomoswarm_radio_{name}{{receiver=\"1\",transmitter=\"2\"}} ");
+            let line = text.lines().find_map(|line| line.strip_prefix(&start));
+            line.map(|value| value.parse::<f64>().unwrap())
+        };
+        assert_eq!(value(3.0, "age_seconds"), Some(2.0));
+        assert_eq!(value(3.0, "loss_ratio"), Some(0.0));
+        assert_eq!(value(3.0, "strength_dbm"), Some(-60.0));
+        assert_eq!(value(12.0, "age_seconds"), Some(11.0));
+        assert_eq!(value(12.0, "loss_ratio"), None);
+        assert_eq!(value(12.0, "strength_dbm"), None);
     }
 }

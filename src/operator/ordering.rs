@@ -245,6 +245,7 @@ impl Ordering {
             | VehicleOutcome::StopLifted
             | VehicleOutcome::Stopped { .. }
             | VehicleOutcome::Obeyed { .. }
+            | VehicleOutcome::NoPart { .. }
             | VehicleOutcome::Overruled(_)
             | VehicleOutcome::Withdrawn => false,
         };
@@ -370,7 +371,7 @@ impl Ordering {
         let of = |id| {
             let delivery = self.deliveries.get(&id).unwrap_or(&nothing);
             let outcome = delivery.outcome(self.view.state(id).is_some());
-            if let Some(outcome) = self.mission_outcome(id, outcome) {
+            if let Some(outcome) = self.mission_outcome(now, id, outcome) {
                 return (id, outcome);
             }
             if let (VehicleOutcome::Ignored, Some(name)) = (outcome, self.other_stop(id)) {

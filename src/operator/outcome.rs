@@ -36,6 +36,14 @@ pub enum VehicleOutcome {
     UnderStop(EmergencyName),
     /// A higher order of somebody else came in between.
     Overruled(Ordered),
+    /// It has obeyed a start that goes on with the mission of a run, of which it shows nothing: it has no part in it, or was started
+    /// anew since.
+    NoPart {
+        /// From the order to the State that showed it.
+        after: Duration,
+        /// The run.
+        run: RunId,
+    },
     /// It has obeyed the start of a mission, and does not show that it is out for it.
     NotOut,
     /// It has obeyed the start of a mission, and does not begin it.
@@ -54,7 +62,7 @@ impl VehicleOutcome {
     /// Returns whether the vehicle does what was wanted. One that shows a stop and moves still has not stopped.
     pub fn is_done(&self) -> bool {
         match self {
-            VehicleOutcome::Obeyed { .. } => true,
+            VehicleOutcome::Obeyed { .. } | VehicleOutcome::NoPart { .. } => true,
             VehicleOutcome::Stopped {
                 after: _,
                 is_at_rest,
@@ -106,6 +114,12 @@ impl fmt::Display for VehicleOutcome {
                     ordered(*by)
                 )
             }
+            VehicleOutcome::NoPart { after, run } => write!(
+                to,
+                "has obeyed after {} ms, but shows no mission of run {run}: it has no part in it, or was started anew since; \
+                 start with a mission gives it one",
+                after.as_millis()
+            ),
             VehicleOutcome::NotOut => write!(to, "has started, but does not show the mission"),
             VehicleOutcome::Refused(why) => write!(to, "refuses the mission: {why}"),
             VehicleOutcome::Ignored => write!(to, "is heard, but has not obeyed"),

@@ -1,6 +1,8 @@
 //! Which run an order belongs to, and what that run is: the present one, the next one, or one that a mission begins.
 
-use tomoswarm_proto::{GroundReport, MissionEnd, MissionKind, RunId, StationPhase, VehicleId};
+use tomoswarm_proto::{
+    GroundReport, MissionEnd, MissionKind, OrderKind, RunId, StationPhase, VehicleId,
+};
 
 use super::{LAST_REVISION, Ordering};
 use crate::operator::given_tasks::TaskRequest;
@@ -121,12 +123,20 @@ impl Ordering {
     /// Returns what became of a vehicle that has obeyed the start of a mission, when there is more to say than that.
     pub(super) fn mission_outcome(
         &self,
+        now: Time,
         id: VehicleId,
         outcome: VehicleOutcome,
     ) -> Option<VehicleOutcome> {
-        let (wish, VehicleOutcome::Obeyed { .. }) = (self.instruction.mission.as_ref()?, outcome)
-        else {
+        let VehicleOutcome::Obeyed { after, .. } = outcome else {
             return None;
+        };
+        let Some(wish) = self.instruction.mission.as_ref() else {
+            let run = self.run.filter(|run| self.shows_no_part(now, id, *run))?;
+            // Its mission is said each second: who is not heard of yet may have a part.
+            return Some(match self.has_listened(now) {
+                true => VehicleOutcome::NoPart { after, run },
+                false => VehicleOutcome::NotOut,
+            });
         };
         let kind = MissionKind::from(&wish.kind);
         let output = self
@@ -150,6 +160,21 @@ impl Ordering {
             },
             Some(_) | None => Some(VehicleOutcome::NotOut),
         }
+    }
+}
+
+impl Ordering {
+    /// Returns whether a start goes on with a mission that is left to the vehicles, of which one of them shows nothing.
+    fn shows_no_part(&self, now: Time, id: VehicleId, run: RunId) -> bool {
+        let report = self.view.ground(now).map(|report| &report.value);
+        let shown = self
+            .view
+            .vehicle(id)
+            .and_then(|seen| seen.mission.as_ref())
+            .map(|mission| mission.value.progress.run);
+        self.instruction.kind == OrderKind::Start
+            && report.is_some_and(|report| is_open_mission(report, run))
+            && shown != Some(run)
     }
 }
 

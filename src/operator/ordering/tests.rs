@@ -396,6 +396,36 @@ fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
     );
 }
 
+#[test]
+fn who_has_no_part_in_the_mission_that_a_start_goes_on_with_is_named() {
+    let outcome_of = |kind, end| {
+        let mut world = World::new(want(Kind::Start), vec![Rover::new(1), Rover::new(2)]);
+        let run = tomoswarm_proto::RunReport {
+            run: RunId(6),
+            kind,
+            end,
+            ..Default::default()
+        };
+        world.report = Some(GroundReport {
+            run: RunId(6),
+            runs: vec![run],
+            ..report()
+        });
+        let outcome = world.run();
+        assert!(outcome.is_done(), "{outcome:?}");
+        outcome.vehicles[&VehicleId(1)]
+    };
+    use tomoswarm_proto::MissionKind::{Explore, Sweep};
+    let of = outcome_of(Explore, None);
+    let is_named = matches!(of, VehicleOutcome::NoPart { run: RunId(6), .. });
+    assert!(is_named, "{of}");
+    assert!(of.to_string().contains("shows no mission of run 6"), "{of}");
+    let of = outcome_of(Sweep, None);
+    assert!(matches!(of, VehicleOutcome::Obeyed { .. }), "{of}");
+    let of = outcome_of(Explore, Some(tomoswarm_proto::RunEnd::Done));
+    assert!(matches!(of, VehicleOutcome::Obeyed { .. }), "{of}");
+}
+
 /// A greeting of a vehicle with this version and venue file.
 fn greets(vehicle: u8, version: u8, venue_hash: u64) -> HeardMessage {
     let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
