@@ -528,9 +528,9 @@ fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
         (Sender::Ground | Sender::Vehicle(_), Some(host)) => format!(
             "  scp -pr {folder} {host}: && ssh -t {host} sudo tomoswarm accept {name} --start\n"
         ),
-        (Sender::Ground | Sender::Vehicle(_), None) => {
-            format!("  sudo tomoswarm accept {folder} --start\n")
-        }
+        // Several of them on one machine are tried out; only one can be its service.
+        (Sender::Vehicle(_), None) => format!("  tomoswarm vehicle {folder}/{file}\n"),
+        (Sender::Ground, None) => format!("  sudo tomoswarm accept {folder} --start\n"),
     }
 }
 

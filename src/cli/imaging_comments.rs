@@ -43,7 +43,14 @@ pub(super) fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingEr
                 (key, "") => format!("that {key} {}", first.wrong),
                 (key, value) => format!("{key} = {value}, which {}", first.wrong),
             };
-            (first.line, found, first.allowed.clone())
+            // Rules are whole sentences ("a list is allowed"), of which this one takes what comes before the verb.
+            let rule = first.allowed.as_str();
+            let of = [" is allowed", " is needed"].map(|verb| rule.split_once(verb));
+            let expected = match of.into_iter().flatten().next() {
+                Some((what, more)) => format!("{what}{more}"),
+                None => rule.to_owned(),
+            };
+            (first.line, found, expected)
         });
         wrong(format!("{line}: "), found, expected)
     })
