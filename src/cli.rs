@@ -24,6 +24,8 @@ mod earth_files;
 #[cfg(feature = "net")]
 pub mod enroll;
 #[cfg(feature = "net")]
+mod enroll_advice;
+#[cfg(feature = "net")]
 mod enroll_files;
 pub mod error;
 pub mod experiment;

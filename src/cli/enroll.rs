@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
-use super::enroll_files::{
-    CA, CA_KEY, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, endpoint_list, file_name, node_of,
-    vehicle_list,
+use super::enroll_advice::{
+    lists_said, moved_ground, planned_for, roster_advice, taken_over, without_folders,
 };
+use super::enroll_files::{CA, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name, node_of};
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
-use crate::config::{self, Endpoint, Topology, Venue};
+use crate::config::{self, Topology, Venue};
 use crate::run::membership::FIRST_OPERATOR;
 use crate::run::trust::{
     CommonName, IssuedCertificate, NewFile, Roster, is_host, write_new_folder,
@@ -162,8 +162,8 @@ pub enum EnrolledTopology {
 }
 
 /// A node that is to be enrolled, and where others reach it.
-struct WantedNode {
-    node: Sender,
+pub(super) struct WantedNode {
+    pub(super) node: Sender,
     hosts: Vec<String>,
 }
 
@@ -224,6 +224,7 @@ impl EnrollArgs {
             })
             .collect::<Result<_, CliError>>()?;
         let reached_before = swarm.reached(&swarm.roster);
+        let ground_before = swarm.joined();
         // From here on the certificates are in force: the roster goes first, so that no number is given twice.
         let text = swarm.publish(&next)?;
         let mut said = String::new();
@@ -250,8 +251,9 @@ impl EnrollArgs {
                 &node.hosts,
             );
         }
-        if !is_new(Sender::Ground) {
-            said += &planned_for(&swarm, &next);
+        match is_new(Sender::Ground) {
+            true => said += &moved_ground(&swarm, ground_before, &next)?,
+            false => said += &planned_for(&swarm, &next),
         }
         Ok(said + &roster_advice(&swarm, &next, is_new))
     }
@@ -444,51 +446,6 @@ impl EnrollArgs {
     }
 }
 
-/// Says for whom the ground station is to plan from now on, when that has changed.
-fn planned_for(swarm: &Swarm, next: &Roster) -> String {
-    let (before, vehicles) = (vehicles_of(&swarm.roster), vehicles_of(next));
-    if before == vehicles || next.of(Sender::Ground).is_none() {
-        return String::new();
-    }
-    format!(
-        "the ground station plans for who is in its file: on its machine write\n  vehicles = [{}]\n\
-         into its ground.toml, and start it anew\n",
-        vehicle_list(&vehicles)
-    )
-}
-
-/// Brings the lists of vehicles in the files of ground station and operators up to date; returns what is to be said of those
-/// that people have edited.
-fn lists_said(swarm: &Swarm, before: &[Endpoint], next: &Roster) -> Result<String, CliError> {
-    let mut said = String::new();
-    if !swarm.list_in_ground(next)? {
-        said += &format!(
-            "the list `vehicles` of the ground station's file was edited: make it [{}] by hand\n",
-            vehicle_list(&vehicles_of(next))
-        );
-    }
-    for operator in swarm.name_in_operators(before, next)? {
-        let name = CommonName::node_name(Sender::Operator(operator));
-        let endpoints = endpoint_list(&swarm.reached(next));
-        said += &format!(
-            "the list `connect` of the file of {name} was edited: it is to end with {endpoints}\n"
-        );
-    }
-    Ok(said)
-}
-
-/// Says of which nodes that are enrolled there is no folder here: they were carried away, or never written.
-fn without_folders(swarm: &Swarm, wanted: &[WantedNode]) -> String {
-    let is_gone = |wanted: &&WantedNode| !swarm.node_folder(wanted.node).join(CERTIFICATE).exists();
-    let gone = wanted.iter().filter(is_gone);
-    let names = gone.map(|wanted| CommonName::node_name(wanted.node));
-    names
-        .map(|name| {
-            format!("{name} has no certificate here: unless its folder was carried to it, give it a new one (--replace)\n")
-        })
-        .collect()
-}
-
 /// Refuses a configuration that `tomoswarm check` would refuse, and that of another node.
 fn check_config(node: Sender, path: &Path, text: &str, venue: &str) -> Result<(), CliError> {
     let config = config::read(&read::shown(path), text, &mut |_| Ok(venue.to_owned()))?;
@@ -514,60 +471,4 @@ fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
         ))),
         Sender::Vehicle(_) | Sender::Ground | Sender::Operator(_) => Ok(()),
     }
-}
-
-/// Returns what takes a node's folder over on its machine.
-fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
-    let (name, file) = (CommonName::node_name(node), file_name(node));
-    let folder = folder.display();
-    match (node, hosts.iter().find(|host| is_far(host))) {
-        (Sender::Operator(_), Some(host)) => {
-            format!("  scp -pr {folder} {host}:, and there: tomoswarm preflight {name}/{file}\n")
-        }
-        (Sender::Operator(_), None) => format!("  tomoswarm preflight {folder}/{file}\n"),
-        (Sender::Ground | Sender::Vehicle(_), Some(host)) => format!(
-            "  scp -pr {folder} {host}: && ssh -t {host} sudo tomoswarm accept {name} --start\n"
-        ),
-        // Several of them on one machine are tried out; only one can be its service.
-        (Sender::Vehicle(_), None) => format!("  tomoswarm vehicle {folder}/{file}\n"),
-        (Sender::Ground, None) => format!("  sudo tomoswarm accept {folder} --start\n"),
-    }
-}
-
-/// Returns what brings a roster to all that have an older one.
-fn roster_advice(swarm: &Swarm, next: &Roster, has_it: impl Fn(Sender) -> bool) -> String {
-    let roster = swarm.folder.join(ROSTER);
-    let roster = roster.display();
-    let mut text = String::new();
-    for node in next.allowed.iter().map(|entry| entry.name.node) {
-        if has_it(node) {
-            continue;
-        }
-        let hosts = swarm.hosts_of(node);
-        let line = match (node, hosts.iter().find(|host| is_far(host))) {
-            // Its commands read its folder each time, and in a mesh its file names the new vehicles.
-            (Sender::Operator(_), Some(host)) => {
-                format!("  scp -pr {} {host}:\n", swarm.node_folder(node).display())
-            }
-            (Sender::Operator(_), None) => continue,
-            (Sender::Ground | Sender::Vehicle(_), Some(host)) => {
-                format!("  scp {roster} {host}: && ssh -t {host} sudo tomoswarm accept {ROSTER}\n")
-            }
-            (Sender::Ground | Sender::Vehicle(_), None) => {
-                format!("  sudo tomoswarm accept {roster}\n")
-            }
-        };
-        // Several nodes of one machine are told once.
-        if !text.contains(&line) {
-            text += &line;
-        }
-    }
-    if !text.is_empty() {
-        text = format!("the others need the new roster, running or not:\n{text}");
-    }
-    let key = swarm.folder.join(CA_KEY);
-    text + &format!(
-        "keep {} on this machine, with a backup: who has it can enrol anyone\n",
-        key.display()
-    )
 }

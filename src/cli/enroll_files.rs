@@ -120,6 +120,14 @@ pub(super) fn with_end(list: &str, former: &str, items: &str) -> Option<String> 
     Some(parts.join(", "))
 }
 
+/// Returns a list with another item in the place of one; `None` = it has neither.
+pub(super) fn with_other(list: &str, former: &str, item: &str) -> Option<String> {
+    let items: Vec<&str> = list.split(", ").collect();
+    let has_either = items.iter().any(|of| *of == former || *of == item);
+    let other = |of: &&str| if *of == former { item } else { *of }.to_owned();
+    has_either.then(|| items.iter().map(other).collect::<Vec<String>>().join(", "))
+}
+
 impl NodeConfig {
     /// Returns the text of the configuration, every key with its value; `venue` is the text of the venue's file.
     ///

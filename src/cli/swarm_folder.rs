@@ -8,7 +8,7 @@ use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 use super::enroll_files::{
     CA, CA_KEY, CERTIFICATE, ROSTER, VENUE, endpoint_list, file_name, vehicle_list, with_end,
-    with_list,
+    with_list, with_other,
 };
 use super::error::CliError;
 use super::read;
@@ -209,6 +209,30 @@ impl Swarm {
             }
         }
         Ok(edited_by_hand)
+    }
+
+    /// Names the ground station where it is reached now in the configurations of all others that named it where it was; returns
+    /// who they are, and those whose list names it in neither place.
+    pub(super) fn name_moved_ground(
+        &self,
+        (before, after): (&Endpoint, &Endpoint),
+        next: &Roster,
+    ) -> Result<(Vec<Sender>, Vec<Sender>), CliError> {
+        let [before, after] = [before, after].map(|endpoint| endpoint_list([endpoint]));
+        let (mut named, mut edited_by_hand) = (Vec::new(), Vec::new());
+        for node in next.allowed.iter().map(|entry| entry.name.node) {
+            if node == Sender::Ground || self.bus_of(node).is_none() {
+                continue;
+            }
+            let says_it = self.edit_config(node, |text| {
+                with_list(text, "connect", |list| with_other(list, &before, &after))
+            })?;
+            match says_it {
+                true => named.push(node),
+                false => edited_by_hand.push(node),
+            }
+        }
+        Ok((named, edited_by_hand))
     }
 
     /// Edits the configuration of a node, if there is one; returns whether it says then what it is to say. `edited` gives

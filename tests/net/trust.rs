@@ -527,6 +527,48 @@ fn without_hosts_a_node_stays_on_its_machine_and_in_a_star_only_the_ground_liste
 }
 
 #[test]
+fn a_ground_station_that_moves_is_named_where_it_is_in_the_files_of_all_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    good(
+        root,
+        "swarm --venue VENUE --ground ground.local --vehicle 1=rover1.local --vehicle 2=rover2.local --operator",
+    );
+    let file = |node: &str| {
+        let kind = node.split('-').next().unwrap();
+        root.join(format!("swarm/{node}/{kind}.toml"))
+    };
+    // Somebody has listed another place by hand.
+    let edited = fs::read_to_string(file("vehicle-2")).unwrap();
+    let edited = edited.replace("tls/ground.local:7447", "tls/10.0.0.1:7447");
+    fs::write(file("vehicle-2"), &edited).unwrap();
+    let printed = good(
+        root,
+        "swarm --venue VENUE ground --host base.local --replace",
+    );
+    for said in [
+        "is reached at tls/base.local:7447, no more at tls/ground.local:7447: the files of vehicle-1, operator-1 say so here",
+        "the list `connect` of vehicle-2 was edited",
+    ] {
+        assert!(printed.contains(said), "{said} in {printed}");
+    }
+    assert_eq!(fs::read_to_string(file("vehicle-2")).unwrap(), edited);
+    for node in ["vehicle-1", "operator-1"] {
+        let text = fs::read_to_string(file(node)).unwrap();
+        assert!(
+            text.contains("connect = [\"tls/base.local:7447\""),
+            "{text}"
+        );
+        assert!(!text.contains("ground.local"), "{text}");
+    }
+    let printed = good(
+        root,
+        "swarm --venue VENUE ground --host base.local --replace",
+    );
+    assert!(!printed.contains("reached at"), "{printed}");
+}
+
+#[test]
 fn a_node_is_enrolled_once_replaced_and_revoked() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
