@@ -161,9 +161,7 @@ impl Ordering {
             Some(_) | None => Some(VehicleOutcome::NotOut),
         }
     }
-}
 
-impl Ordering {
     /// Returns whether a start goes on with a mission that is left to the vehicles, of which one of them shows nothing.
     fn shows_no_part(&self, now: Time, id: VehicleId, run: RunId) -> bool {
         let report = self.view.ground(now).map(|report| &report.value);
