@@ -224,7 +224,7 @@ impl EnrollArgs {
             })
             .collect::<Result<_, CliError>>()?;
         let reached_before = swarm.reached(&swarm.roster);
-        let ground_before = swarm.joined();
+        let ground_before = swarm.joined(&swarm.roster);
         // From here on the certificates are in force: the roster goes first, so that no number is given twice.
         let text = swarm.publish(&next)?;
         let mut said = String::new();
@@ -421,7 +421,7 @@ impl EnrollArgs {
         hosts: &[String],
         roster: &Roster,
     ) -> NodeConfig {
-        let (shape, ground) = swarm.joined().unzip();
+        let (shape, ground) = swarm.joined(&swarm.roster).unzip();
         let given = self.ground.as_ref().and_then(|hosts| hosts.0.first());
         let given = given.or(self.ground_host.as_ref()).cloned();
         let ground_host = given

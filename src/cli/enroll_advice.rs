@@ -32,7 +32,7 @@ pub(super) fn moved_ground(
     before: Option<(Topology, Endpoint)>,
     next: &Roster,
 ) -> Result<String, CliError> {
-    let (Some((_, before)), Some((_, after))) = (before, swarm.joined()) else {
+    let (Some((_, before)), Some((_, after))) = (before, swarm.joined(next)) else {
         return Ok(String::new());
     };
     if before == after {

@@ -272,10 +272,10 @@ impl Swarm {
         }
     }
 
-    /// Returns how those join that are enrolled already: the swarm's shape, and where the ground station is reached. `None` =
+    /// Returns how those of a roster join: the swarm's shape, and where the ground station is reached. `None` =
     /// nobody is, or no file says it.
-    pub(super) fn joined(&self) -> Option<(Topology, Endpoint)> {
-        let nodes = self.roster.allowed.iter().map(|entry| entry.name.node);
+    pub(super) fn joined(&self, roster: &Roster) -> Option<(Topology, Endpoint)> {
+        let nodes = roster.allowed.iter().map(|entry| entry.name.node);
         let of = |node: Sender| {
             let bus = self.bus_of(node)?;
             let ground = match node {

@@ -120,7 +120,10 @@ impl Mission {
 
     fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
         self.ages.note(now, state.sequence);
-        self.leases.follow(state.ordered.lease);
+        // Without its kind it is remembered, or only tried: what the disk has is told apart (`PlanLeases::remembered`).
+        if state.ordered.kind.is_some() {
+            self.leases.follow(state.ordered.lease);
+        }
         let (pose, sees) = (state.pose, state.sees);
         let rests = state.is_at_rest && state.leg.is_none();
         let could_move = self.may_move();

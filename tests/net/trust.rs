@@ -566,6 +566,13 @@ fn a_ground_station_that_moves_is_named_where_it_is_in_the_files_of_all_others()
         "swarm --venue VENUE ground --host base.local --replace",
     );
     assert!(!printed.contains("reached at"), "{printed}");
+    // Revoked and enrolled anew elsewhere.
+    good(root, "swarm --revoke ground");
+    let printed = good(root, "swarm --venue VENUE --ground far.local");
+    let said = "at tls/far.local:7447, no more at tls/base.local:7447";
+    assert!(printed.contains(said), "{printed}");
+    let text = fs::read_to_string(file("vehicle-1")).unwrap();
+    assert!(text.contains("tls/far.local:7447"), "{text}");
 }
 
 #[test]

@@ -321,6 +321,16 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
         ..own_state(0.0, 0.0)
     };
     own.ordered.lease = lease(9);
+    fed(&mut mission, 21.1, In::State(own.clone()));
+    fed(&mut mission, 21.1, with(9, 210, 1));
+    assert_eq!(
+        mission.plan.progress().revision,
+        Revision(5),
+        "its start was tried and is not obeyed: the disk has not got its lease"
+    );
+    fed(&mut mission, 21.1, with(5, 211, 6));
+    assert_eq!(mission.plan.progress().revision, Revision(5));
+    own.ordered.kind = Some(OrderKind::Hold);
     fed(&mut mission, 21.1, In::State(own));
     assert!(
         edition(&fed(&mut mission, 21.1, with(5, 210, 7))),
