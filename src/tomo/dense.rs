@@ -166,9 +166,9 @@ fn add_rows(to: &mut [f64], others: &[f64], columns: Range<usize>, factor: impl 
     }
 }
 
-/// Adds four rows, each times its factor. (Compiled for wide registers too, which change no bit.)
+/// Adds the beginnings of four rows, each times its factor. (Compiled for wide registers too, which change no bit.)
 #[multiversion(targets("x86_64+avx2"))]
-fn add_four(to: &mut [f64], rows: [&[f64]; PANEL], factors: [f64; PANEL]) {
+pub(super) fn add_four(to: &mut [f64], rows: [&[f64]; PANEL], factors: [f64; PANEL]) {
     let length = to.len();
     let [w, x, y, z] = rows.map(|row| &row[..length]);
     let [a, b, c, d] = factors;

@@ -13,7 +13,7 @@
 //! unknowns beside the pixels. Links that are known together are taken together ([`StreamingMap::add`]), which costs less
 //! than one by one. Noise is Gaussian here; robust weights are [`super::map_solver`]'s.
 
-use super::dense::LowerTriangle;
+use super::dense::{LowerTriangle, add_four};
 use super::map_solver::Nuisance;
 use super::prior::{Covariance, Prior, Workspace};
 use super::weights::WeightRows;
@@ -435,11 +435,7 @@ impl OfPixels {
         for four in self.pending.chunks(4) {
             for (i, row) in self.values.chunks_exact_mut(size).enumerate() {
                 if let [a, b, c, d] = four {
-                    let (own_a, own_b, own_c, own_d) = (a[i], b[i], c[i], d[i]);
-                    let changes = a.iter().zip(b).zip(c.iter().zip(d));
-                    for (value, ((a, b), (c, d))) in row.iter_mut().zip(changes) {
-                        *value -= (own_a * a + own_b * b) + (own_c * c + own_d * d);
-                    }
+                    add_four(row, [a, b, c, d], [-a[i], -b[i], -c[i], -d[i]]);
                 } else {
                     four.iter().for_each(|gain| add_scaled(row, gain, -gain[i]));
                 }
@@ -486,7 +482,7 @@ impl OfLinks {
             });
             let known = four_products(rows, column);
             square += known.iter().map(|l| l * l).sum::<f64>();
-            add_four(&mut turned, rows, known);
+            add_four_growing(&mut turned, rows, known);
         }
         for i in whole..column.len() {
             let (row, rest) = unread.split_at(i + 1);
@@ -536,13 +532,9 @@ fn four_products(rows: [&[f64]; 4], column: &[f64]) -> [f64; 4] {
 }
 
 /// Adds four rows, each one longer than that before it, each times a factor.
-fn add_four(to: &mut [f64], rows: [&[f64]; 4], factors: [f64; 4]) {
+fn add_four_growing(to: &mut [f64], rows: [&[f64]; 4], factors: [f64; 4]) {
     let common = rows[0].len();
-    let [a, b, c, d] = rows.map(|row| &row[..common]);
-    let values = a.iter().zip(b).zip(c.iter().zip(d));
-    for (to, ((a, b), (c, d))) in to.iter_mut().zip(values) {
-        *to += (factors[0] * a + factors[1] * b) + (factors[2] * c + factors[3] * d);
-    }
+    add_four(&mut to[..common], rows, factors);
     for (row, factor) in rows.into_iter().zip(factors) {
         add_scaled(&mut to[common..], &row[common..], factor);
     }

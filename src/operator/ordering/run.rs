@@ -130,8 +130,17 @@ impl Ordering {
         let VehicleOutcome::Obeyed { after, .. } = outcome else {
             return None;
         };
+        let output = self
+            .view
+            .vehicle(id)
+            .and_then(|seen| seen.mission.as_ref())
+            .map(|output| output.value);
         let Some(wish) = self.instruction.mission.as_ref() else {
-            let run = self.run.filter(|run| self.shows_no_part(now, id, *run))?;
+            let shown = output.map(|output| output.progress.run);
+            let run = self.run.filter(|_| shown != self.run)?;
+            if !self.goes_on_with(now, run) {
+                return None;
+            }
             // Its mission is said each second: who is not heard of yet may have a part.
             return Some(match self.has_listened(now) {
                 true => VehicleOutcome::NoPart { after, run },
@@ -139,11 +148,6 @@ impl Ordering {
             });
         };
         let kind = MissionKind::from(&wish.kind);
-        let output = self
-            .view
-            .vehicle(id)
-            .and_then(|seen| seen.mission.as_ref())
-            .map(|output| output.value);
         let output = output.filter(|output| output.kind == kind);
         match output {
             // The ground station makes its plans first.
@@ -162,17 +166,11 @@ impl Ordering {
         }
     }
 
-    /// Returns whether a start goes on with a mission that is left to the vehicles, of which one of them shows nothing.
-    fn shows_no_part(&self, now: Time, id: VehicleId, run: RunId) -> bool {
+    /// Returns whether it is a start that goes on with a mission that is left to the vehicles.
+    fn goes_on_with(&self, now: Time, run: RunId) -> bool {
         let report = self.view.ground(now).map(|report| &report.value);
-        let shown = self
-            .view
-            .vehicle(id)
-            .and_then(|seen| seen.mission.as_ref())
-            .map(|mission| mission.value.progress.run);
         self.instruction.kind == OrderKind::Start
             && report.is_some_and(|report| is_open_mission(report, run))
-            && shown != Some(run)
     }
 }
 
