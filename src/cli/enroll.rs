@@ -7,17 +7,15 @@ use std::path::{Path, PathBuf};
 use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 use super::enroll_advice::{
-    lists_said, moved_ground, planned_for, roster_advice, taken_over, without_folders,
+    lists_said, moved_ground, planned_for, roster_advice, where_to_take_over, without_folders,
 };
 use super::enroll_files::{CA, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name, node_of};
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
-use crate::config::{self, Topology, Venue};
+use crate::config::{self, Endpoint, Topology, Venue};
 use crate::run::membership::FIRST_OPERATOR;
-use crate::run::trust::{
-    CommonName, IssuedCertificate, NewFile, Roster, is_host, write_new_folder,
-};
+use crate::run::trust::{CommonName, IssuedCertificate, NewFile, Roster, is_host};
 
 /// Give nodes of the swarm their certificates and ready configurations; replace or revoke one.
 ///
@@ -201,6 +199,10 @@ impl EnrollArgs {
             .iter()
             .try_for_each(|wanted| check_home(wanted.node, &venue))?;
         if !self.folder.join(CA).exists() {
+            let ground_host = self.ground_host(None);
+            wanted
+                .iter()
+                .try_for_each(|wanted| check_reach(wanted.node, &wanted.hosts, &ground_host))?;
             create_authority(&self.folder, &venue_text)?;
         }
         let swarm = Swarm::open(&self.folder)?;
@@ -209,8 +211,10 @@ impl EnrollArgs {
         if issued.is_empty() {
             let issue = swarm.roster.issue;
             let gone = without_folders(&swarm, &wanted);
+            let advice =
+                where_to_take_over(&swarm, wanted.iter().map(|node| (node.node, &node.hosts)));
             return Ok(format!(
-                "all are enrolled already, roster issue {issue}\n{gone}"
+                "all are enrolled already, roster issue {issue}\n{gone}{advice}"
             ));
         }
         let new: Vec<NewNode> = issued
@@ -225,32 +229,23 @@ impl EnrollArgs {
             .collect::<Result<_, CliError>>()?;
         let reached_before = swarm.reached(&swarm.roster);
         let ground_before = swarm.joined(&swarm.roster);
-        // From here on the certificates are in force: the roster goes first, so that no number is given twice.
-        let text = swarm.publish(&next)?;
+        let files: Vec<(Sender, Vec<NewFile>)> = new
+            .iter()
+            .map(|new| (new.name.node, new.files.clone()))
+            .collect();
+        let former = swarm.publish(&next, &files)?;
         let mut said = String::new();
         for node in &new {
             said += &format!("{} is enrolled, roster issue {}\n", node.name, next.issue);
-            if let Some(former) = swarm.retire(node.name.node, "replaced")? {
+            for (_, former) in former.iter().filter(|(of, _)| *of == node.name.node) {
                 let former = former.display();
                 said +=
                     &format!("the former files are kept in {former} and are worth nothing now\n");
             }
-            let own = swarm.node_folder(node.name.node);
-            let roster = [NewFile::open(ROSTER, text.clone())];
-            let files = [&node.files[..], &roster].concat();
-            write_new_folder(&own, &files)
-                .map_err(|source| CliError::Write { path: own, source })?;
         }
         said += &lists_said(&swarm, &reached_before, &next)?;
         let is_new = |node| new.iter().any(|new| new.name.node == node);
-        said += "on the machine of each:\n";
-        for node in &new {
-            said += &taken_over(
-                &swarm.node_folder(node.name.node),
-                node.name.node,
-                &node.hosts,
-            );
-        }
+        said += &where_to_take_over(&swarm, new.iter().map(|new| (new.name.node, &new.hosts)));
         match is_new(Sender::Ground) {
             true => said += &moved_ground(&swarm, ground_before, &next)?,
             false => said += &planned_for(&swarm, &next),
@@ -302,7 +297,7 @@ impl EnrollArgs {
             .revoking(node)
             .map_err(|error| swarm.refused(ROSTER, error))?;
         let reached_before = swarm.reached(&swarm.roster);
-        swarm.publish(&next)?;
+        swarm.publish(&next, &[])?;
         let former = swarm.retire(node, "revoked")?;
         let lists = lists_said(&swarm, &reached_before, &next)?;
         let kept = former.map_or(String::new(), |folder| {
@@ -402,7 +397,12 @@ impl EnrollArgs {
         // What was edited by hand stays.
         let config = match own_file.exists() {
             true => read::text(&own_file)?,
-            false => self.config_of(swarm, node, hosts, next).text(venue)?,
+            false => {
+                let config = self.config_of(swarm, node, hosts, next);
+                self.check_shape(swarm, &config)?;
+                check_reach(node, hosts, &config.ground_host)?;
+                config.text(venue)?
+            }
         };
         check_config(node, &own_file, &config, venue)?;
         Ok(vec![
@@ -414,6 +414,31 @@ impl EnrollArgs {
         ])
     }
 
+    /// Refuses a shape that is not the swarm's.
+    fn check_shape(&self, swarm: &Swarm, config: &NodeConfig) -> Result<(), CliError> {
+        let word = |topology| match topology {
+            Topology::Mesh => "mesh",
+            Topology::Star => "star",
+        };
+        let shape = swarm.joined(&swarm.roster).map(|(shape, _)| shape);
+        if let Some(shape) = shape.filter(|shape| *shape != config.topology) {
+            let (given, shape) = (word(config.topology), word(shape));
+            return Err(CliError::Usage(format!(
+                "--topology {given}: the swarm is a {shape}, as the files in {} say; leave it out, or make a new swarm",
+                self.folder.display()
+            )));
+        }
+        Ok(())
+    }
+
+    /// Returns the host under which the ground station is reached: as it is given, as the swarm's files say, or this machine.
+    fn ground_host(&self, joined: Option<&Endpoint>) -> String {
+        let given = self.ground.as_ref().and_then(|hosts| hosts.0.first());
+        let given = given.or(self.ground_host.as_ref());
+        let host = given.or(joined.map(|ground| &ground.host)).cloned();
+        host.unwrap_or_else(|| "127.0.0.1".to_owned())
+    }
+
     fn config_of(
         &self,
         swarm: &Swarm,
@@ -422,11 +447,7 @@ impl EnrollArgs {
         roster: &Roster,
     ) -> NodeConfig {
         let (shape, ground) = swarm.joined(&swarm.roster).unzip();
-        let given = self.ground.as_ref().and_then(|hosts| hosts.0.first());
-        let given = given.or(self.ground_host.as_ref()).cloned();
-        let ground_host = given
-            .or_else(|| ground.as_ref().map(|ground| ground.host.clone()))
-            .unwrap_or_else(|| "127.0.0.1".to_owned());
+        let ground_host = self.ground_host(ground.as_ref());
         let port = self.port.or(ground.map(|ground| ground.port));
         let state_dir = format!("/var/lib/tomoswarm/{}", CommonName::node_name(node));
         NodeConfig {
@@ -461,6 +482,21 @@ fn check_config(node: Sender, path: &Path, text: &str, venue: &str) -> Result<()
             })
         }
     }
+}
+
+/// Refuses a vehicle of another machine that would look for the ground station on its own. The hosts of an operator are those of
+/// its page, and say nothing of where it stands.
+fn check_reach(node: Sender, hosts: &[String], ground_host: &str) -> Result<(), CliError> {
+    let far = hosts.iter().find(|host| is_far(host));
+    let Some(host) = far.filter(|_| matches!(node, Sender::Vehicle(_)) && !is_far(ground_host))
+    else {
+        return Ok(());
+    };
+    let name = CommonName::node_name(node);
+    Err(CliError::Usage(format!(
+        "{name} is on another machine ({host}), where {ground_host} is that machine itself; the host under which it reaches \
+         the ground station is expected: --ground HOST, or --ground-host HOST"
+    )))
 }
 
 fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {

@@ -96,8 +96,24 @@ pub(super) fn without_folders(swarm: &Swarm, wanted: &[WantedNode]) -> String {
         .collect()
 }
 
+/// Returns what takes the folders of nodes, those that are here, over on their machines.
+pub(super) fn where_to_take_over<'a>(
+    swarm: &Swarm,
+    nodes: impl Iterator<Item = (Sender, &'a Vec<String>)>,
+) -> String {
+    let here = nodes.map(|(node, hosts)| (swarm.node_folder(node), node, hosts));
+    let here = here.filter(|(folder, ..)| folder.join(CERTIFICATE).exists());
+    let lines: String = here
+        .map(|(folder, node, hosts)| taken_over(&folder, node, hosts))
+        .collect();
+    match lines.is_empty() {
+        true => lines,
+        false => format!("on the machine of each:\n{lines}"),
+    }
+}
+
 /// Returns what takes a node's folder over on its machine.
-pub(super) fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
+fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
     let (name, file) = (CommonName::node_name(node), file_name(node));
     let folder = folder.display();
     match (node, hosts.iter().find(|host| is_far(host))) {
@@ -127,7 +143,7 @@ pub(super) fn roster_advice(
         if has_it(node) {
             continue;
         }
-        let hosts = swarm.hosts_of(node);
+        let hosts = swarm.hosts_of(node).unwrap_or_default();
         let line = match (node, hosts.iter().find(|host| is_far(host))) {
             // Its commands read its folder each time, and in a mesh its file names the new vehicles.
             (Sender::Operator(_), Some(host)) => {

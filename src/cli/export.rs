@@ -10,7 +10,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 use super::earth::{extend_track, world_file};
 use super::error::CliError;
 use super::export_target::ExportTarget;
-use super::folder::OutputFolder;
+use super::folder::{FileFamily, OutputFolder};
 use super::imaging_comments::comments;
 use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
@@ -27,14 +27,17 @@ use crate::map::Merged;
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredMark, StoredRun};
 use crate::tomo::{BIN_M, Image, LinkBins, SAMPLES_HEADER, SPOT_M, npy_bytes, utc_text};
 
-/// The names of the files that are not of one run.
-const FAMILY: &[&str] = &[
-    "map.png",
-    "map.pgw",
-    "venue.toml",
-    "swarm.geojson",
-    "export.json",
-];
+/// The files that are not of one run.
+const FAMILY: FileFamily = FileFamily {
+    names: &[
+        "map.png",
+        "map.pgw",
+        "venue.toml",
+        "swarm.geojson",
+        "export.json",
+    ],
+    mark: Some(("export.json", "\"starts\": ")),
+};
 
 /// Write what a ground station's store holds: CSV, NPY, PNG with world files, GeoJSON.
 ///
@@ -84,7 +87,7 @@ impl ExportArgs {
         let export = Export::of(&self.store, self.run)?;
         let mut folder = OutputFolder::prepare(&self.out, FAMILY)?;
         let is_chosen = |run: u32| self.run.is_none_or(|chosen| chosen == run);
-        folder.claim(|name| run_of(name).is_some_and(is_chosen));
+        folder.claim(|name| run_of(name).is_some_and(is_chosen))?;
         let mut lines = export.write_to(&mut folder)?;
         let target = folder.publish()?;
         lines += &format!("written to {}\n", target.display());
@@ -625,7 +628,7 @@ mod tests {
             "{text}"
         );
         let all = listed(&out);
-        assert_eq!(all.len(), FAMILY.len() + 4 + 3, "{all:?}");
+        assert_eq!(all.len(), FAMILY.names.len() + 4 + 3, "{all:?}");
         let with = |more: &[&str]| {
             let mut names = all.clone();
             names.extend(more.iter().map(|name| (*name).to_owned()));

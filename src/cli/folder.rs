@@ -24,6 +24,49 @@ const FLIGHT: &str = "flight";
 const LIVE: &str = "live";
 const LIVE_MARK: &str = ".tomoswarm-live";
 
+/// The files that one command leaves behind together.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FileFamily {
+    /// All names, whether a run writes each of them or not.
+    pub names: &'static [&'static str],
+    /// The file by which a folder is known to hold what the command has written, and a text in it: every run writes it.
+    /// `None` = files of these names are replaced, whosever they are.
+    pub mark: Option<(&'static str, &'static str)>,
+}
+
+impl FileFamily {
+    /// Refuses a folder where files of these names lie that the command has not written.
+    ///
+    /// # Errors
+    /// The first of them.
+    pub(super) fn refuse_foreign(&self, folder: &Path) -> Result<(), CliError> {
+        self.refuse_foreign_named(folder, self.names.iter().copied())
+    }
+
+    fn refuse_foreign_named<'a>(
+        &self,
+        folder: &Path,
+        mut names: impl Iterator<Item = &'a str>,
+    ) -> Result<(), CliError> {
+        let Some((mark, says)) = self.mark else {
+            return Ok(());
+        };
+        let Some(found) = names.find(|name| folder.join(name).is_file()) else {
+            return Ok(());
+        };
+        let text = fs::read(folder.join(mark)).unwrap_or_default();
+        if text.windows(says.len()).any(|part| part == says.as_bytes()) {
+            return Ok(());
+        }
+        let refused = "this file is not of an earlier run, and would be replaced or removed; \
+             move it away, or choose another folder";
+        Err(CliError::Write {
+            path: folder.join(found),
+            source: io::Error::other(refused),
+        })
+    }
+}
+
 /// Files that are to appear in a folder.
 #[derive(Debug)]
 pub(super) struct OutputFolder {
@@ -32,8 +75,9 @@ pub(super) struct OutputFolder {
     /// Folders on the way that did not exist before, deepest first.
     made: Vec<PathBuf>,
     names: Vec<String>,
+    family: FileFamily,
     /// Names that belong to a run, whether this one writes them or not.
-    family: Vec<String>,
+    names_of_run: Vec<String>,
     /// Held for its lock.
     _lock: File,
 }
@@ -43,11 +87,8 @@ impl OutputFolder {
     /// is done.
     ///
     /// # Errors
-    /// The folder cannot be made or written.
-    pub(super) fn prepare(
-        target: &Path,
-        family: &'static [&'static str],
-    ) -> Result<OutputFolder, CliError> {
+    /// The folder cannot be made or written, or files of these names lie in it that no run has written.
+    pub(super) fn prepare(target: &Path, family: FileFamily) -> Result<OutputFolder, CliError> {
         let fail = |source| CliError::Write {
             path: target.to_owned(),
             source,
@@ -63,6 +104,7 @@ impl OutputFolder {
                 "it holds a folder `live` that is not of a run",
             )));
         }
+        family.refuse_foreign(target)?;
         let place = place_of_stage(target);
         let made = missing(place);
         let opened = open_stage(place);
@@ -70,23 +112,31 @@ impl OutputFolder {
             remove_empty(&made);
         }
         let (stage, lock) = opened.map_err(fail)?;
-        let family = family.iter().map(|name| (*name).to_owned()).collect();
+        let names_of_run = family.names.iter().map(|name| (*name).to_owned()).collect();
         Ok(OutputFolder {
             target: target.to_owned(),
             stage,
             made,
             names: Vec::new(),
             family,
+            names_of_run,
             _lock: lock,
         })
     }
 
     /// Adds to the names that belong to a run those files in the folder whose names a test tells to be ours.
+    ///
+    /// # Errors
+    /// No run has written them.
     #[cfg(feature = "net")]
-    pub(super) fn claim(&mut self, is_ours: impl Fn(&str) -> bool) {
+    pub(super) fn claim(&mut self, is_ours: impl Fn(&str) -> bool) -> Result<(), CliError> {
         let entries = fs::read_dir(&self.target).into_iter().flatten().flatten();
         let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-        self.family.extend(names.filter(|name| is_ours(name)));
+        let claimed: Vec<String> = names.filter(|name| is_ours(name)).collect();
+        let names = claimed.iter().map(String::as_str);
+        self.family.refuse_foreign_named(&self.target, names)?;
+        self.names_of_run.extend(claimed);
+        Ok(())
     }
 
     /// Writes a file, not yet visible.
@@ -145,7 +195,7 @@ impl OutputFolder {
         };
         fs::create_dir_all(&self.target).map_err(|source| fail(&self.target, source))?;
         let in_the_way = self
-            .family
+            .names_of_run
             .iter()
             .map(|name| self.target.join(name))
             .find(|path| path.is_dir());
@@ -155,12 +205,18 @@ impl OutputFolder {
                 io::Error::other("a folder is in the way; a file is expected"),
             ));
         }
-        for name in &self.names {
+        // Whoever comes after a run that is killed here knows by the mark that the files are of a run.
+        let mark = self.family.mark.map(|(mark, _)| mark);
+        let (first, others): (Vec<&String>, Vec<&String>) = self
+            .names
+            .iter()
+            .partition(|name| mark == Some(name.as_str()));
+        for name in first.into_iter().chain(others) {
             let path = self.target.join(name);
             fs::rename(self.stage.join(name), &path).map_err(|source| fail(&path, source))?;
         }
         let older = self
-            .family
+            .names_of_run
             .iter()
             .filter(|name| !self.names.contains(*name));
         for path in older
@@ -307,7 +363,10 @@ fn remove_abandoned(place: &Path) {
 mod tests {
     use super::*;
 
-    const FAMILY: &[&str] = &["a.txt", "b.txt"];
+    const FAMILY: FileFamily = FileFamily {
+        names: &["a.txt", "b.txt"],
+        mark: None,
+    };
 
     fn prepare(target: &Path) -> Result<OutputFolder, CliError> {
         OutputFolder::prepare(target, FAMILY)
@@ -355,6 +414,31 @@ mod tests {
         folder.publish().unwrap();
         assert_eq!(listed(root.path()), ["a.txt", "mine.txt"]);
         assert_eq!(fs::read(root.path().join("a.txt")).unwrap(), b"new");
+    }
+
+    #[test]
+    fn files_of_a_runs_names_that_no_run_has_written_are_refused_before_the_work() {
+        const MARKED: FileFamily = FileFamily {
+            names: &["a.txt", "b.txt"],
+            mark: Some(("b.txt", "of a run")),
+        };
+        let root = tempfile::tempdir().unwrap();
+        let prepare = || OutputFolder::prepare(root.path(), MARKED);
+        drop(prepare().unwrap());
+        fs::write(root.path().join("a.txt"), b"mine").unwrap();
+        let words = prepare().unwrap_err().to_string();
+        assert!(
+            words.contains("a.txt: cannot be written: this file is not of an earlier run"),
+            "{words}"
+        );
+        fs::write(root.path().join("b.txt"), b"mine as well").unwrap();
+        assert_eq!(prepare().unwrap_err().exit_code(), 2);
+        assert_eq!(listed(root.path()), ["a.txt", "b.txt"]);
+        fs::write(root.path().join("b.txt"), b"all is of a run.").unwrap();
+        let mut folder = prepare().unwrap();
+        folder.write("b.txt", b"of a run again").unwrap();
+        folder.publish().unwrap();
+        assert_eq!(listed(root.path()), ["b.txt"]);
     }
 
     #[test]

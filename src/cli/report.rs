@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::error::CliError;
-use super::folder::OutputFolder;
+use super::folder::{FileFamily, OutputFolder};
 use super::outputs::about;
 use super::person_search::PersonSearch;
 use super::recording::links_csv;
@@ -22,8 +22,12 @@ use crate::sim::{
 use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
-/// The names of all files that a run may leave behind.
-pub(super) const FAMILY: &[&str] = &[
+/// All files that a run may leave behind.
+pub(super) const FAMILY: FileFamily = FileFamily {
+    names: FAMILY_NAMES,
+    mark: Some(("summary.json", "\"made_from\": ")),
+};
+const FAMILY_NAMES: &[&str] = &[
     "links.csv",
     "empty.csv",
     "samples.csv",
@@ -462,7 +466,7 @@ pub(super) fn write_data(
     {
         folder.write(&format!("{name}.npy"), &npy_bytes(&made.image))?;
     }
-    write_tracks(folder, &scenario.sim().venue, &outcome.tracks)?;
+    write_tracks(folder, scenario.sim(), &outcome.tracks)?;
     folder.write("run.log", outcome.log.as_bytes())
 }
 

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use super::error::CliError;
-use super::folder::OutputFolder;
+use super::folder::{FileFamily, OutputFolder};
 use super::load::{self, LoadedScene};
 use super::read;
 use super::scene_pictures::{SceneView, draw_plan, draw_view};
@@ -18,7 +18,10 @@ use crate::scene::{Person, Viewpoint, VrmlScene};
 use crate::sim::staging;
 
 /// The files in the folder.
-const FAMILY: &[&str] = &["plan.png", "view.png"];
+const FAMILY: FileFamily = FileFamily {
+    names: &["plan.png", "view.png"],
+    mark: None,
+};
 /// The height of the plan where no range sensor is known, metres.
 const PLAN_M: f64 = 0.3;
 /// Sides of the view, pixels.
@@ -320,7 +323,7 @@ mod tests {
             for word in words {
                 assert!(text.contains(word), "{word} is missing in:\n{text}");
             }
-            for picture in FAMILY {
+            for picture in FAMILY.names {
                 assert_eq!(&std::fs::read(out.join(picture)).unwrap()[1..4], b"PNG");
             }
         }

@@ -14,8 +14,8 @@ use super::error::CliError;
 use super::read;
 use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::trust::{
-    Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, is_private,
-    read_limited, replace_file, write_new_folder,
+    Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, StagedFolder,
+    is_private, read_limited, replace_file, write_new_folder,
 };
 
 /// The authority's folder, open and locked.
@@ -30,8 +30,8 @@ pub(super) struct Swarm {
 }
 
 impl Swarm {
-    /// Opens a folder and keeps others out of it. The newest roster is brought to the nodes' folders that a call before has not
-    /// got to: it was killed, or the disk was full.
+    /// Opens a folder and keeps others out of it. What a call before has not got to, since it was killed or the disk was full,
+    /// is done: new folders of nodes are put where they belong once they are in force, and the newest roster is brought to all.
     ///
     /// # Errors
     /// Another process works on it; its files cannot be read or do not belong together; the disk refuses.
@@ -65,6 +65,7 @@ impl Swarm {
             roster,
             _lock: lock,
         };
+        swarm.place_staged()?;
         // What cannot be brought to a folder now keeps nobody from signing: the next issue is brought there again.
         let _ = swarm.hand_out(&swarm.roster, &signed);
         Ok(swarm)
@@ -93,14 +94,12 @@ impl Swarm {
         check_same_venue(&path, &own, venue)
     }
 
-    /// Returns the hosts under which an enrolled node is reached, as its certificate names them.
-    pub(super) fn hosts_of(&self, node: Sender) -> Vec<String> {
-        let text = read::text(&self.node_folder(node).join(CERTIFICATE)).ok();
-        let certificate = text.and_then(|text| Certificate::from_pem(&text).ok());
-        certificate.map_or(Vec::new(), |certificate| certificate.hosts)
+    /// Returns the hosts under which an enrolled node is reached, as its certificate names them; `None` = that is not here.
+    pub(super) fn hosts_of(&self, node: Sender) -> Option<Vec<String>> {
+        Some(certificate_in(&self.node_folder(node))?.hosts)
     }
 
-    /// Checks that an enrolled node is reached under these hosts, beside its own machine's.
+    /// Checks that an enrolled node is reached under these hosts, beside its own machine's, where its certificate is here.
     ///
     /// # Errors
     /// It is reached under others.
@@ -108,7 +107,10 @@ impl Swarm {
         let far = |hosts: &[String]| -> BTreeSet<String> {
             hosts.iter().filter(|host| is_far(host)).cloned().collect()
         };
-        let (enrolled, given) = (far(&self.hosts_of(node)), far(hosts));
+        let Some(enrolled) = self.hosts_of(node) else {
+            return Ok(());
+        };
+        let (enrolled, given) = (far(&enrolled), far(hosts));
         if enrolled == given {
             return Ok(());
         }
@@ -122,15 +124,59 @@ impl Swarm {
         )))
     }
 
-    /// Signs a roster and puts it in force: here, and in the folders of all that it allows.
-    pub(super) fn publish(&self, next: &Roster) -> Result<String, CliError> {
-        let text = self
-            .authority
-            .sign(next)
-            .map_err(|error| self.refused(CA_KEY, error))?;
+    /// Signs a roster, and puts it in force together with the files of those that are new in it: here, and in the folders of
+    /// all that it allows. Whenever this is interrupted, it was not begun, or the next opening of the folder ends it. Returns
+    /// which former folders are kept, and where.
+    pub(super) fn publish(
+        &self,
+        next: &Roster,
+        new: &[(Sender, Vec<NewFile>)],
+    ) -> Result<Vec<(Sender, PathBuf)>, CliError> {
+        let signed = self.authority.sign(next);
+        let text = signed.map_err(|error| self.refused(CA_KEY, error))?;
+        let mut staged = Vec::new();
+        for (node, files) in new {
+            let folder = self.node_folder(*node);
+            let files = [&files[..], &[NewFile::open(ROSTER, text.clone())]].concat();
+            let written = StagedFolder::write(&folder, &files);
+            staged.push((*node, written.map_err(unwritable(&folder))?));
+        }
+        // From here on the certificates are in force: no number is given twice.
         replace_roster(&self.folder, &text)?;
+        let mut kept = Vec::new();
+        for (node, folder) in staged {
+            kept.extend(self.place(node, folder)?.map(|former| (node, former)));
+        }
         self.hand_out(next, &text)?;
-        Ok(text)
+        Ok(kept)
+    }
+
+    /// Puts a new folder of a node where it belongs; returns where the former one is kept.
+    fn place(&self, node: Sender, new: StagedFolder) -> Result<Option<PathBuf>, CliError> {
+        let former = self.retire(node, "replaced")?;
+        let placed = new.place();
+        placed.map_err(unwritable(&self.node_folder(node)))?;
+        Ok(former)
+    }
+
+    /// Puts folders that an interrupted call has written where they belong, and removes those that were never in force.
+    fn place_staged(&self) -> Result<(), CliError> {
+        let vehicles = (1..=u8::MAX).map(|id| Sender::Vehicle(VehicleId(id)));
+        let operators = (1..=u8::MAX).map(|id| Sender::Operator(OperatorId(id)));
+        for node in vehicles.chain(operators).chain([Sender::Ground]) {
+            let Some(staged) = StagedFolder::find(&self.node_folder(node)) else {
+                continue;
+            };
+            let fingerprint = certificate_in(staged.path()).map(|found| found.fingerprint);
+            let in_force = self.roster.of(node).map(|entry| entry.fingerprint);
+            if in_force.is_some() && in_force == fingerprint {
+                self.place(node, staged)?;
+            } else {
+                let path = staged.path().to_owned();
+                staged.remove().map_err(unwritable(&path))?;
+            }
+        }
+        Ok(())
     }
 
     /// Brings a signed roster to the folders of all that it allows and that hold another text.
@@ -155,10 +201,7 @@ impl Swarm {
         if !folder.exists() {
             return Ok(None);
         }
-        let pem = read::text(&folder.join(CERTIFICATE)).ok();
-        let name = pem
-            .and_then(|pem| Certificate::from_pem(&pem).ok())
-            .map(|found| found.common_name);
+        let name = certificate_in(&folder).map(|found| found.common_name);
         let name = name.filter(|name| name.parse::<CommonName>().is_ok());
         let name = name.unwrap_or_else(|| format!("{}.unknown", CommonName::node_name(node)));
         let aside = self.folder.join(format!("{name}.{why}"));
@@ -280,7 +323,8 @@ impl Swarm {
             let bus = self.bus_of(node)?;
             let ground = match node {
                 Sender::Ground => {
-                    let host = self.hosts_of(node).into_iter().find(|host| is_far(host));
+                    let hosts = self.hosts_of(node).unwrap_or_default();
+                    let host = hosts.into_iter().find(|host| is_far(host));
                     let own = bus.listen.first()?;
                     Endpoint {
                         host: host.unwrap_or_else(|| "127.0.0.1".to_owned()),
@@ -300,7 +344,7 @@ impl Swarm {
     /// Returns where the vehicles of a roster are reached by others: those with a host of their own and a fixed port.
     pub(super) fn reached(&self, roster: &Roster) -> Vec<Endpoint> {
         let endpoint = |id: VehicleId| {
-            let hosts = self.hosts_of(Sender::Vehicle(id));
+            let hosts = self.hosts_of(Sender::Vehicle(id))?;
             let host = hosts.into_iter().find(|host| is_far(host))?;
             let port = self
                 .bus_of(Sender::Vehicle(id))?
@@ -318,6 +362,21 @@ impl Swarm {
             .into_iter()
             .filter_map(endpoint)
             .collect()
+    }
+}
+
+/// Returns the certificate in a node's folder.
+fn certificate_in(folder: &Path) -> Option<Certificate> {
+    let text = read::text(&folder.join(CERTIFICATE)).ok()?;
+    Certificate::from_pem(&text).ok()
+}
+
+/// Makes the error of a folder that the disk refuses.
+fn unwritable(folder: &Path) -> impl Fn(std::io::Error) -> CliError {
+    let path = folder.to_owned();
+    move |source| CliError::Write {
+        path: path.clone(),
+        source,
     }
 }
 

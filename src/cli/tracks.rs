@@ -4,7 +4,7 @@ use tomoswarm_proto::VehicleId;
 
 use super::error::CliError;
 use super::folder::OutputFolder;
-use crate::config::{MOST_ITEMS, Venue, WaypointFile};
+use crate::config::{Craft, MOST_ITEMS, Sim, WaypointFile};
 use crate::geom::{Geodetic, Point, Segment};
 
 /// What is left out of a track lies at most this far beside what is kept, metres.
@@ -18,11 +18,12 @@ const PIECE: usize = 200;
 /// A file cannot be written.
 pub(super) fn write_tracks(
     folder: &mut OutputFolder,
-    venue: &Venue,
+    sim: &Sim,
     tracks: &[(VehicleId, Vec<Point>)],
 ) -> Result<(), CliError> {
-    let plane = venue.plane();
-    let place = |at: &Point| plane.to_earth([at.x_m, at.y_m, 0.0]);
+    let (plane, flight) = (sim.venue.plane(), sim.vehicles.flight);
+    let altitude_m = flight.way_altitude_m();
+    let place = |at: &Point| plane.to_earth([at.x_m, at.y_m, altitude_m]);
     for (vehicle, track) in tracks {
         let Some((home, way)) = corners(track)
             .split_first()
@@ -32,9 +33,13 @@ pub(super) fn write_tracks(
         };
         let way: Vec<Geodetic> = way.iter().take(MOST_ITEMS).map(place).collect();
         // Who never moved has no track.
-        let Ok(file) = WaypointFile::of_track(place(&home), &way) else {
+        let home = plane.to_earth([home.x_m, home.y_m, 0.0]);
+        let Ok(mut file) = WaypointFile::of_track(home, &way) else {
             continue;
         };
+        if flight.craft == Craft::Copter {
+            file = file.with_takeoff(altitude_m);
+        }
         folder.write(
             &format!("track-{vehicle}.waypoints"),
             file.to_wpl().as_bytes(),

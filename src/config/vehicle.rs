@@ -166,6 +166,14 @@ pub struct Flight {
 }
 
 impl Flight {
+    /// Returns the altitude at which the vehicles are under way, metres; rovers stay on the ground.
+    pub fn way_altitude_m(&self) -> f64 {
+        match self.craft {
+            Craft::Rover => 0.0,
+            Craft::Copter => self.altitude_m,
+        }
+    }
+
     /// Returns how far wind carries the vehicles from where they are sent, metres; rovers it does not.
     pub fn carried_m(&self) -> f64 {
         match self.craft {

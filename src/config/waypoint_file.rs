@@ -322,7 +322,7 @@ impl WaypointFile {
             });
             let to = Target {
                 spot,
-                altitude_m: altitude_m - home.altitude_m,
+                altitude_m: centimetres(altitude_m - home.altitude_m),
                 above: Above::Home,
             };
             file.push(
@@ -335,6 +335,23 @@ impl WaypointFile {
             );
         }
         Ok(file)
+    }
+
+    /// Lets the mission begin with a takeoff to a height above home, metres: an autopilot that stands on the ground flies no
+    /// waypoint without one.
+    pub fn with_takeoff(mut self, height_m: f64) -> WaypointFile {
+        let to = Target {
+            spot: None,
+            altitude_m: centimetres(height_m),
+            above: Above::Home,
+        };
+        let mut items = std::mem::take(&mut self.items);
+        items.insert(0, MissionItem::Takeoff { to });
+        self.origins.clear();
+        for item in items {
+            self.push(item, wpl::origin_of(self.items.len()));
+        }
+        self
     }
 
     /// Returns the items in order, home not among them.
@@ -403,6 +420,11 @@ impl WaypointFile {
         self.items.push(item);
         self.origins.push(origin);
     }
+}
+
+/// Rounds a height, metres: a computed one looks measured to the nanometre otherwise.
+fn centimetres(height_m: f64) -> f64 {
+    (height_m * 100.0).round() / 100.0
 }
 
 /// What is found wrong while a file is read.

@@ -21,8 +21,8 @@ pub use access::{AccessRule, access_rules};
 pub use authority::{Authority, AuthorityError, IssuedCertificate, is_host};
 pub use certificate::{Certificate, CertificateError, Fingerprint};
 pub use folder::{
-    Lock, NewFile, Owner, is_as_replaced, is_private, own, read_limited, read_limited_bytes,
-    read_regular, replace_file, replace_folder, write_new_folder,
+    Lock, NewFile, Owner, StagedFolder, is_as_replaced, is_private, own, read_limited,
+    read_limited_bytes, read_regular, replace_file, replace_folder, write_new_folder,
 };
 pub use name::CommonName;
 pub use roster::{Roster, RosterEntry, RosterError};

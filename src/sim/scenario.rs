@@ -276,10 +276,7 @@ impl Scenario {
             let Some(home) = self.sim.home(vehicle) else {
                 continue;
             };
-            let low_m = match vehicles.flight.craft {
-                Craft::Rover => 0.0,
-                Craft::Copter => vehicles.flight.altitude_m,
-            };
+            let low_m = vehicles.flight.way_altitude_m();
             let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.body.height_m);
             let clearance_m = structure.clearance_m(home, low_m, high_m);
             let (radius_m, carried_m) = (vehicles.body.radius_m, vehicles.flight.carried_m());

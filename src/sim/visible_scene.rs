@@ -11,7 +11,7 @@ use super::reachable::{Reachable, Room};
 use super::visible::{SensorView, Visible, detected};
 use super::world::GROUND_CLEARANCE_M;
 use super::{RunOutcome, Scenario, ScenarioError};
-use crate::config::{Craft, Lobe, Sim};
+use crate::config::{Lobe, Sim};
 use crate::geom::Lattice;
 use crate::scene::Scene;
 
@@ -102,19 +102,13 @@ impl VisibleScene {
 pub fn narrowest_gap_m(sim: &Sim) -> f64 {
     (libm::floor(200.0 * room(sim).keep_m + 1e-6) + 1.0) / 100.0
 }
-
-/// Returns the height above the ground at which vehicles are, metres.
-fn altitude_m(sim: &Sim) -> f64 {
-    match sim.vehicles.flight.craft {
-        Craft::Rover => 0.0,
-        Craft::Copter => sim.vehicles.flight.altitude_m,
-    }
-}
-
 /// Returns the room by which is judged where vehicles can get to: the safety distance (radius and padding), by how much wind
 /// carries them, two deviations of the place, and what a map of cells costs.
 fn room(sim: &Sim) -> Room {
-    let (body_m, altitude_m) = (sim.vehicles.body.radius_m, altitude_m(sim));
+    let (body_m, altitude_m) = (
+        sim.vehicles.body.radius_m,
+        sim.vehicles.flight.way_altitude_m(),
+    );
     let safety_m = body_m + sim.safety.padding_m + sim.vehicles.flight.carried_m();
     Room {
         keep_m: safety_m + 2.0 * sim.vehicles.pose_sd_m + MAP_CELLS * sim.venue.cell_m,
@@ -128,7 +122,7 @@ fn sight(sim: &Sim) -> SensorView {
     let range = &sim.range;
     let max_m = range.look.max_range_m.min(range.look.farness_m);
     SensorView {
-        height_m: altitude_m(sim) + range.height_m,
+        height_m: sim.vehicles.flight.way_altitude_m() + range.height_m,
         half_angle_rad: match range.lobe {
             Lobe::Beam => 0.0,
             // In the plane of the sensor a cone is a fan.

@@ -409,8 +409,30 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
     );
     // The same call again changes nothing, and one more vehicle is one more issue.
     let before = tree(&swarm);
-    assert!(good(root, call).contains("all are enrolled already, roster issue 2"));
+    let printed = good(root, call);
+    assert!(printed.contains("all are enrolled already, roster issue 2"));
+    assert!(printed.contains("sudo tomoswarm accept vehicle-3 --start"));
     assert_eq!(tree(&swarm), before);
+    // What a call that was killed left is ended by the next one: what is in force is placed, what never was is gone.
+    let staged = swarm.join(".vehicle-3.new");
+    fs::rename(swarm.join("vehicle-3"), &staged).unwrap();
+    fs::create_dir(swarm.join(".vehicle-7.new")).unwrap();
+    fs::write(swarm.join(".vehicle-7.new/key.pem"), "half").unwrap();
+    good(root, call);
+    assert_eq!(tree(&swarm), before);
+    // A folder that was carried away is no reason to refuse the same call.
+    fs::rename(swarm.join("vehicle-3"), root.join("carried")).unwrap();
+    let printed = good(root, call);
+    assert!(
+        printed.contains("vehicle-3 has no certificate here"),
+        "{printed}"
+    );
+    fs::rename(root.join("carried"), swarm.join("vehicle-3")).unwrap();
+    bad(
+        root,
+        "swarm --venue VENUE vehicle 2 --host rover2.local --topology star",
+        "--topology star: the swarm is a mesh",
+    );
     let printed = good(
         root,
         &format!("{call} --operator=2=laptop.local --vehicle 2=rover2.local"),
@@ -773,6 +795,10 @@ fn bad_usage_leaves_no_trace() {
             "operator-1 is given twice",
         ),
         ("swarm --venue VENUE pilot", "invalid value 'pilot'"),
+        (
+            "swarm --venue VENUE vehicle 1 --host rover1.local",
+            "vehicle-1 is on another machine (rover1.local), where 127.0.0.1 is that machine itself",
+        ),
         (
             "swarm --venue VENUE ground --host a..b",
             "--host \"a..b\": is no host",

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::row::RunRow;
 use crate::cli::error::CliError;
+use crate::cli::folder::FileFamily;
 use crate::cli::read::LIMIT_BYTES;
 
 /// The file of the runs, as a table to be read on.
@@ -19,6 +20,13 @@ pub(super) const RUNS: &str = "runs.csv";
 pub(super) const TABLE: &str = "table.txt";
 /// The file of the journal.
 const JOURNAL: &str = "journal.jsonl";
+/// What a journal begins with.
+const BEGIN: &[u8] = b"{\"experiment_journal\":";
+/// What is made of a journal.
+const FAMILY: FileFamily = FileFamily {
+    names: &[RUNS, TABLE],
+    mark: Some((JOURNAL, "{\"experiment_journal\":")),
+};
 
 /// What is done with an earlier run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -105,6 +113,7 @@ impl Journal {
                 "there is no run to go on with; leave out --resume to begin one".to_owned();
             return Err(CliError::Input { path, reason });
         }
+        FAMILY.refuse_foreign(folder)?;
         let fail = |source| CliError::Write {
             path: path.clone(),
             source,
@@ -125,14 +134,23 @@ impl Journal {
                 .to_owned();
             return Err(CliError::Input { path, reason });
         }
+        let mut bytes = read_all(&mut file).map_err(fail)?;
+        if !bytes.starts_with(BEGIN) && !BEGIN.starts_with(&bytes) {
+            let reason = "is no journal of an experiment; move it away, or give another --out";
+            return Err(CliError::Line {
+                path,
+                line: 1,
+                reason: reason.to_owned(),
+            });
+        }
         if mode == JournalMode::Fresh {
-            file.set_len(0).map_err(fail)?;
-            for name in [RUNS, TABLE] {
+            for name in FAMILY.names {
                 // They may not be there.
                 let _ = fs::remove_file(folder.join(name));
             }
+            file.set_len(0).and_then(|()| file.rewind()).map_err(fail)?;
+            bytes.clear();
         }
-        let bytes = read_all(&mut file).map_err(fail)?;
         let whole = bytes
             .iter()
             .rposition(|byte| *byte == b'\n')

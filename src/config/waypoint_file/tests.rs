@@ -193,6 +193,35 @@ fn places_are_given_in_the_local_frame() {
 }
 
 #[test]
+fn the_track_of_a_copter_takes_off_and_keeps_its_height() {
+    let datum = Geodetic {
+        latitude_deg: 52.1,
+        longitude_deg: 4.5,
+        altitude_m: 12.0,
+    };
+    let frame = TangentPlane::new(datum, Bearing::from_degrees(90.0));
+    let track = [[3.0, 4.0, 2.5], [-8.0, 0.5, 2.5]].map(|at| frame.to_earth(at));
+    let file = WaypointFile::of_track(datum, &track).unwrap();
+    let flown = file.with_takeoff(2.5);
+    let heights = |file: &WaypointFile| -> Vec<f64> {
+        let height = |item: &MissionItem| match item {
+            MissionItem::Takeoff { to } | MissionItem::Waypoint { to, .. } => to.altitude_m,
+            other => panic!("{other:?}"),
+        };
+        file.items().iter().map(height).collect()
+    };
+    assert!(matches!(flown.items()[0], MissionItem::Takeoff { .. }));
+    assert_eq!(heights(&flown), [2.5, 2.5, 2.5]);
+    assert_eq!(
+        flown.points(&frame).len(),
+        2,
+        "it takes off where it stands"
+    );
+    let read = WaypointFile::read("m.waypoints", &flown.to_wpl()).unwrap();
+    assert_eq!(read.items(), flown.items());
+}
+
+#[test]
 fn what_is_wrong_in_a_text_file_is_said_with_line_value_and_rule() {
     check_refused(
         "QGC WPL 100\n",

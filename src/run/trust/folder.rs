@@ -111,6 +111,59 @@ pub fn write_new_folder(folder: &Path, files: &[NewFile]) -> io::Result<()> {
     write_folder(folder, files, |new| fs::rename(new, folder))
 }
 
+/// A folder that lies whole beside the place where it belongs, under a hidden name.
+#[derive(Debug)]
+pub struct StagedFolder {
+    staged: PathBuf,
+    folder: PathBuf,
+}
+
+impl StagedFolder {
+    /// Writes a folder with files beside the place where it belongs; it stays there when the process ends.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write(folder: &Path, files: &[NewFile]) -> io::Result<StagedFolder> {
+        let staged = write_beside(folder, files)?;
+        sync_parent(folder)?;
+        Ok(StagedFolder {
+            staged,
+            folder: folder.to_owned(),
+        })
+    }
+
+    /// Finds what lies beside a place.
+    pub fn find(folder: &Path) -> Option<StagedFolder> {
+        let staged = beside(folder).ok().filter(|staged| staged.is_dir())?;
+        Some(StagedFolder {
+            staged,
+            folder: folder.to_owned(),
+        })
+    }
+
+    /// Returns where it lies.
+    pub fn path(&self) -> &Path {
+        &self.staged
+    }
+
+    /// Puts it where it belongs; an empty folder there is replaced.
+    ///
+    /// # Errors
+    /// The disk refuses, or a folder of its name is there and not empty.
+    pub fn place(self) -> io::Result<()> {
+        fs::rename(&self.staged, &self.folder)?;
+        sync_parent(&self.folder)
+    }
+
+    /// Removes it.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn remove(self) -> io::Result<()> {
+        fs::remove_dir_all(&self.staged)
+    }
+}
+
 /// Puts a folder with files in the place of another one, in one step: at any moment one of the two is there, whole. Returns
 /// where the former one is kept; `None` = there was none, or an empty one.
 ///
@@ -190,6 +243,13 @@ fn write_folder(
     files: &[NewFile],
     place: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<()> {
+    let new = write_beside(folder, files)?;
+    place(&new).inspect_err(|_| drop(fs::remove_dir_all(&new)))?;
+    sync_parent(folder)
+}
+
+/// Writes a folder beside the place where it belongs; returns where it lies.
+fn write_beside(folder: &Path, files: &[NewFile]) -> io::Result<PathBuf> {
     let new = beside(folder)?;
     if new.exists() {
         // Left by one that was interrupted; it was never in force.
@@ -198,14 +258,11 @@ fn write_folder(
     DirBuilder::new().recursive(true).mode(0o700).create(&new)?;
     let written = files
         .iter()
-        .try_for_each(|file| write_file(&new.join(&file.name), file));
-    let placed = written.and_then(|()| place(&new));
-    if placed.is_err() {
-        // What is half written must not stay; the first error is the one to tell.
-        let _ = fs::remove_dir_all(&new);
-    }
-    placed?;
-    sync_parent(folder)
+        .try_for_each(|file| write_file(&new.join(&file.name), file))
+        .and_then(|()| File::open(&new)?.sync_all());
+    // What is half written must not stay; the first error is the one to tell.
+    written.inspect_err(|_| drop(fs::remove_dir_all(&new)))?;
+    Ok(new)
 }
 
 /// Returns the first name for a former folder that is not taken: FOLDER.former-1 and so on.
