@@ -53,6 +53,7 @@ mod vehicle;
 mod vehicle_file;
 mod venue;
 mod waypoint_file;
+mod world_endpoint;
 mod xbee_port;
 
 use overlay::{Layer, OverlaidText, Overlay};
@@ -92,12 +93,13 @@ pub use source_file::SourceFile;
 pub use swarm::Swarm;
 pub use task::MissionTable;
 pub use vehicle::{BodySpec, CARRIED_S, Craft, Flight, Safety, Vehicles};
-pub use vehicle_file::{Record, VehicleFile, WorldEndpoint};
+pub use vehicle_file::{Record, VehicleFile};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
     Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, TurnDirection,
     WaypointFile,
 };
+pub use world_endpoint::{WorldEndpoint, world_token};
 pub use xbee_port::{XBEE_BAUDS, XBEE_POWERS_DBM, XbeePort};
 
 pub use to_toml::{key_tables, to_toml};

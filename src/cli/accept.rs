@@ -144,7 +144,12 @@ impl AcceptArgs {
         ) = (files_brought(&self.folder)?, self.own_files()?);
         let config = config_of(&self.folder, &brought)?;
         let merged = merged(&brought, &own_files, config);
-        let node = Node::of(&self.into, &merged.files)?;
+        // What is wrong with a file that was brought is said of where it lies; one that names files by where they will be is
+        // understood only there.
+        let node = Node::of(&self.into, &merged.files).map_err(|error| match merged.is_edited {
+            true => error,
+            false => Node::of(&self.folder, &merged.files).err().unwrap_or(error),
+        })?;
         self.check_service(node.sender)?;
         self.check_swarm(&brought, &own_files)?;
         self.check_node(node.sender, &own_files)?;
@@ -377,7 +382,8 @@ fn authority(folder: &Path, file: Option<&Vec<u8>>) -> Result<Certificate, CliEr
 }
 
 fn text_of(path: &Path, file: Option<&Vec<u8>>) -> Result<String, CliError> {
-    let file = file.ok_or_else(|| unread(path, ErrorKind::NotFound.into()))?;
+    let missing = "is missing; the folder of one node is expected, as `tomoswarm enroll` wrote it";
+    let file = file.ok_or_else(|| input(path, missing))?;
     String::from_utf8(file.clone()).map_err(|error| input(path, error))
 }
 

@@ -148,7 +148,12 @@ fn recorded(folder: &Path) -> Result<(Venue, RecordedRun), CliError> {
         .iter()
         .for_each(|note| complain(&format_args!("note: {note}")));
     if run.venue.is_empty() {
-        let reason = "says no venue: it was recorded by an older version";
+        let reason = match run.heard.is_empty() {
+            true => {
+                "holds nothing that any node has said: it was cut off at its beginning, or is of an older version"
+            }
+            false => "says no venue: it was recorded by an older version",
+        };
         return Err(unusable(folder, reason.to_owned()));
     }
     let venue = match config::read("venue", &run.venue, &mut |name| Err(name.to_owned())) {

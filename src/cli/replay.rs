@@ -80,6 +80,10 @@ impl ReplayArgs {
                 "no actor `{actor}` took a step in what was recorded"
             )));
         }
+        if replayed.actors.is_empty() {
+            let reason = "no actor took a step in what was recorded; a recording that was not cut off at its beginning is expected";
+            return Err(CliError::Usage(reason.to_owned()));
+        }
         let differing = replayed
             .actors
             .values()

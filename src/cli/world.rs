@@ -37,7 +37,7 @@ pub struct WorldArgs {
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0")]
     pub listen: SocketAddr,
     /// What those who connect must know [default: drawn, and printed behind the address]
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", value_parser = crate::config::world_token)]
     pub token: Option<String>,
     /// Seed of everything that is random [default: the file's]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]

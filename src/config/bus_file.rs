@@ -402,6 +402,14 @@ fn require_connect(source: &Source<'_>, bus: &BusFile, rule: &str) {
 }
 
 fn check_ports(source: &Source<'_>, bus: &BusFile) {
+    for (key, endpoints) in [("bus.listen", &bus.listen), ("bus.connect", &bus.connect)] {
+        let mut twice =
+            (1..endpoints.len()).filter(|at| endpoints[..*at].contains(&endpoints[*at]));
+        if let Some(at) = twice.next() {
+            let wrong = format!("{} stands there twice", endpoints[at]);
+            source.refuse(key, &wrong, "each endpoint once is allowed");
+        }
+    }
     for endpoint in &bus.connect {
         if endpoint.port == 0 {
             let wrong = format!("{endpoint} has port 0");

@@ -253,22 +253,27 @@ impl Drivers {
             }
             devices.extend(found);
         }
-        let own = self.own_range.iter().flatten();
-        if !self.range.is_real() && own.clone().next().is_some() {
+        if !self.range.is_real() && self.own_range.iter().flatten().next().is_some() {
             source.refuse(
                 "range.driver",
                 "is none of a real sensor, and a [[range.sensor]] has one",
                 "the driver of those sensors that name none of their own is allowed",
             );
         }
-        let is_on_autopilot = |range: &RangeDriver| matches!(range, RangeDriver::Autopilot(_));
-        let is_simulated = matches!(self.autopilot, AutopilotDriver::Simulated);
-        if is_simulated && own.chain([&self.range]).any(is_on_autopilot) {
-            source.refuse(
-                "range.driver",
-                "hangs on an autopilot that is simulated, and says nothing",
-                "[autopilot] driver = \"mavlink\" is needed with it",
-            );
+        if self.autopilot != AutopilotDriver::Simulated {
+            return;
+        }
+        let each = self.own_range.iter().enumerate();
+        let own = each
+            .filter_map(|(sensor, own)| Some((format!("range.sensor[{sensor}]"), own.as_ref()?)));
+        for (table, driver) in own.chain([("range".to_owned(), &self.range)]) {
+            if matches!(driver, RangeDriver::Autopilot(_)) {
+                source.refuse(
+                    &format!("{table}.driver"),
+                    "hangs on an autopilot that is simulated, and says nothing",
+                    "[autopilot] driver = \"mavlink\" is needed with it",
+                );
+            }
         }
     }
 }

@@ -247,13 +247,13 @@ impl<'s> Section<'s> {
             .get_ref()
             .as_str()
             .filter(|text| !text.is_empty() && text.len() <= 200);
+        let allowed = "1 to 200 characters in quotes are allowed";
+        if text.is_some_and(|text| text.contains('\0')) {
+            self.refuse_value(key, value, "holds a NUL", allowed);
+            return None;
+        }
         if text.is_none() {
-            self.refuse_value(
-                key,
-                value,
-                "is no text",
-                "1 to 200 characters in quotes are allowed",
-            );
+            self.refuse_value(key, value, "is no text", allowed);
         }
         text.map(str::to_owned)
     }

@@ -9,7 +9,7 @@ use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
 use super::drivers::{AutopilotDriver, DriverKey, Drivers, RadioDriver};
 use super::forms::{FileName, LoadedFile};
-use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Whole, quoted, read_table};
+use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Whole, read_table};
 use super::mavlink_connection::AutopilotTable;
 use super::pose_file::{PoseFile, PoseSource};
 use super::radio::OwnRadio;
@@ -28,14 +28,13 @@ use super::vehicle::{
     BodySpec, Flight, OwnFlight, Safety, check_ceiling, contact_limits, sensing_limits,
 };
 use super::venue::Venue;
+use super::world_endpoint::WorldEndpoint;
 use super::xbee_port::{XbeePort, XbeeTable};
 use crate::geom::Point;
 use crate::plan::{ContactLimits, SmallestPost};
 
 /// The numbers that vehicles may have.
 pub(super) const VEHICLE_IDS: std::ops::RangeInclusive<usize> = 1..=250;
-/// The shortest secret between a simulated driver and its world, characters.
-const SHORTEST_TOKEN: usize = 8;
 
 /// What stands in the place of that secret for others; shorter than one can be, so that it is none.
 const NOT_SAID: &str = "hidden";
@@ -77,15 +76,6 @@ pub struct VehicleFile {
     pub bus: BusFile,
     /// Its flight recording.
     pub record: Record,
-}
-
-/// The address and token of the process that simulates the world.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct WorldEndpoint {
-    /// Where it listens; always on this machine.
-    pub connect: SocketAddr,
-    /// What a driver says to be let in.
-    pub token: String,
 }
 
 /// The flight recording of a node.
@@ -422,84 +412,6 @@ impl MaybeTable for WorldTable<'_> {
 
     fn fill(&mut self) -> &mut dyn Keyed {
         self.world
-    }
-}
-
-impl Keyed for WorldEndpoint {
-    fn keys(&mut self, to: &mut dyn Keys) {
-        let WorldEndpoint { connect, token } = self;
-        let left_out = "needed";
-        let means = "where it listens, an address of this machine";
-        to.form(
-            &mut WorldAddress(connect),
-            KeyEntry {
-                name: "connect",
-                left_out,
-                means,
-            },
-        );
-        let means = "what a driver says to be let in, the world's own word: 8 to 128 letters, digits, `-`, `_`";
-        to.form(
-            &mut Token(token),
-            KeyEntry {
-                name: "token",
-                left_out,
-                means,
-            },
-        );
-    }
-}
-
-/// Where the simulated world listens.
-struct WorldAddress<'a>(&'a mut SocketAddr);
-
-impl Form for WorldAddress<'_> {
-    fn to_toml(&self) -> Option<String> {
-        Some(quoted(&self.0.to_string()))
-    }
-
-    fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        let rule = "an address of this machine such as \"127.0.0.1:7500\" is needed";
-        section.require(key, rule);
-        let Some(text) = section.text(key) else {
-            return;
-        };
-        let address: Option<SocketAddr> = text.parse().ok();
-        let wrong = match address {
-            None => "is no address with a port",
-            Some(address) if !address.ip().is_loopback() => "leaves this machine",
-            Some(address) if address.port() == 0 => "has port 0",
-            Some(address) => {
-                *self.0 = address;
-                return;
-            }
-        };
-        section.refuse(key, wrong, rule);
-    }
-}
-
-/// The word that lets a driver into the simulated world.
-struct Token<'a>(&'a mut String);
-
-impl Form for Token<'_> {
-    fn to_toml(&self) -> Option<String> {
-        Some(quoted(self.0))
-    }
-
-    fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        let rule = "8 to 128 letters, digits, - and _ are needed, the same as the world was given";
-        section.require(key, rule);
-        let Some(token) = section.text(key) else {
-            return;
-        };
-        let is_plain = token
-            .bytes()
-            .all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
-        if (SHORTEST_TOKEN..=128).contains(&token.len()) && is_plain {
-            *self.0 = token;
-        } else {
-            section.refuse(key, "is no such word", rule);
-        }
     }
 }
 

@@ -299,9 +299,20 @@ impl fmt::Display for Mismatches {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words: Vec<String> = self.0.iter().map(Mismatch::to_string).collect();
         write!(f, "{}", words.join("; "))?;
-        match self.0.iter().any(|mismatch| mismatch.can_be_set()) {
-            true => write!(f, ": `tomoswarm xbee setup` sets it"),
-            false => Ok(()),
+        let power_dbm = self.0.iter().find_map(|mismatch| match mismatch {
+            Mismatch::Power { wanted_dbm, .. } => Some(*wanted_dbm),
+            _ => None,
+        });
+        match (
+            power_dbm,
+            self.0.iter().any(|mismatch| mismatch.can_be_set()),
+        ) {
+            (Some(wanted_dbm), _) => write!(
+                f,
+                ": `tomoswarm xbee setup --power-dbm={wanted_dbm}` sets it"
+            ),
+            (None, true) => write!(f, ": `tomoswarm xbee setup` sets it"),
+            (None, false) => Ok(()),
         }
     }
 }
@@ -365,7 +376,7 @@ mod tests {
         );
         check(
             &[(PP, Some(0xFB))],
-            &format!("its power (PL) is -5 dBm, wanted 8 dBm{sets}"),
+            "its power (PL) is -5 dBm, wanted 8 dBm: `tomoswarm xbee setup --power-dbm=8` sets it",
         );
         check(
             &[(NP, Some(59))],
@@ -396,14 +407,14 @@ mod tests {
         ];
         check(
             &s1,
-            "its power (PL) is 0 dBm, wanted 8 dBm: `tomoswarm xbee setup` sets it",
+            "its power (PL) is 0 dBm, wanted 8 dBm: `tomoswarm xbee setup --power-dbm=8` sets it",
         );
         let s2c = [(HV, Some(0x2E4C)), (VR, Some(0x2003)), (PP, None)];
         check(&s2c, "");
         let level = [s2c.as_slice(), &[(PL, Some(9))]].concat();
         check(
             &level,
-            "its power (PL) is not known, wanted 8 dBm: `tomoswarm xbee setup` sets it",
+            "its power (PL) is not known, wanted 8 dBm: `tomoswarm xbee setup --power-dbm=8` sets it",
         );
         assert_eq!(registers(&s1).payload_most(), 100);
         assert_eq!(registers(&[(NP, Some(255))]).payload_most(), 116);

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::clock::Clock;
 use crate::actor::{Actor, ActorCell, ActorStep, Fault, Inbox, Input, NodeActor, RestartPolicy};
@@ -36,36 +36,52 @@ const INBOX: usize = 256;
 const LIES_UNREAD: Duration = Duration::from_millis(50);
 /// So often whoever tells a shared mailbox something lets the actor act, for what came meanwhile.
 const HELPS: usize = 4;
+/// A trouble that stays, with other words, is logged again after this long.
+const LOGGED_EVERY: Duration = Duration::from_secs(60);
 /// A thread that has nothing to do looks up this often all the same.
 const IDLE: Duration = Duration::from_secs(5);
 
 /// What is wrong in a process, by who says it; shown to the operator.
 #[derive(Clone, Debug, Default)]
 pub struct Troubles {
-    outputs: Arc<Mutex<BTreeMap<String, String>>>,
+    by_name: Arc<Mutex<BTreeMap<String, RaisedTrouble>>>,
+}
+
+/// A trouble, and when it was logged last.
+#[derive(Clone, Debug)]
+struct RaisedTrouble {
+    what: String,
+    logged: Instant,
 }
 
 impl Troubles {
     /// Names a trouble; a later one of the same name replaces it.
     pub fn raise(&self, who: &str, what: String) {
-        let known = lock(&self.outputs).insert(who.to_owned(), what.clone());
-        if known.as_ref() != Some(&what) {
+        let (mut by_name, now) = (lock(&self.by_name), Instant::now());
+        let known = by_name.get(who);
+        // A trouble with a count in it has other words each time.
+        let is_logged = known.is_none_or(|known| {
+            known.what != what && now.duration_since(known.logged) >= LOGGED_EVERY
+        });
+        if is_logged {
             tracing::warn!("{who}: {what}");
         }
+        let logged = known.map_or(now, |known| if is_logged { now } else { known.logged });
+        by_name.insert(who.to_owned(), RaisedTrouble { what, logged });
     }
 
     /// Takes a trouble back.
     pub fn clear(&self, who: &str) {
-        if lock(&self.outputs).remove(who).is_some() {
+        if lock(&self.by_name).remove(who).is_some() {
             tracing::info!("{who}: in order again");
         }
     }
 
     /// Returns all that is wrong, in words.
     pub fn list(&self) -> Vec<String> {
-        lock(&self.outputs)
+        lock(&self.by_name)
             .iter()
-            .map(|(who, what)| format!("{who}: {what}"))
+            .map(|(who, raised)| format!("{who}: {}", raised.what))
             .collect()
     }
 }

@@ -2,6 +2,7 @@
 //! once they are stored. Its groups are small, so that the station's memory never waits long for the store. What could not
 //! be stored last is tried again, so that it is known when the store works again, whether or not anybody repeats anything.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
@@ -19,6 +20,8 @@ const GROUP: Duration = Duration::from_millis(50);
 const GROUP_MOST: usize = 32;
 /// Samples that are written at once, unless one batch has more: about 20 ms.
 const SAMPLES_MOST: usize = 2000;
+/// Marks that wait at most while the store cannot keep them.
+const MARKS_WAITING_MAX: usize = 1000;
 /// Marks that an operator who has just come is told at most: those of the newest runs.
 const MARKS_TOLD_MAX: usize = 50;
 /// They are told this often at most, however many come.
@@ -53,6 +56,7 @@ pub(super) fn keeper(
             tried: began,
             is_well: true,
             unstored: Vec::new(),
+            unstored_marks: VecDeque::new(),
             clocks: Clocks::default(),
             marks_wanted: false,
             marks_told: None,
@@ -89,6 +93,8 @@ struct StoreThread<T> {
     is_well: bool,
     /// The last group of samples, if it could not be stored; earlier ones their vehicles repeat.
     unstored: Vec<Samples>,
+    /// Marks that could not be stored, in order: who has said them says them again only as long as somebody waits for them.
+    unstored_marks: VecDeque<(Sender, Mark)>,
     clocks: Clocks,
     /// An operator has come and was told no marks yet.
     marks_wanted: bool,
@@ -113,11 +119,7 @@ impl<T: Fn(Event)> StoreThread<T> {
                     self.clocks.hear(vehicle, boot);
                     self.archive.hold_software(vehicle, boot, software);
                 }
-                StoreJob::Mark(sender, mark) => {
-                    if self.archive.keep_mark(mark) {
-                        (self.tell)(Event::Bus(sender, Message::Mark(mark)));
-                    }
-                }
+                StoreJob::Mark(sender, mark) => self.keep_mark(sender, mark),
                 StoreJob::TellMarks => self.marks_wanted = true,
                 StoreJob::End => {}
             }
@@ -128,6 +130,9 @@ impl<T: Fn(Event)> StoreThread<T> {
         if is_due {
             let again = std::mem::take(&mut self.unstored);
             self.keep_samples(again);
+            for (sender, mark) in std::mem::take(&mut self.unstored_marks) {
+                self.keep_mark(sender, mark);
+            }
         }
         // A store in trouble is not asked all the time.
         if is_due || self.is_well {
@@ -135,6 +140,18 @@ impl<T: Fn(Event)> StoreThread<T> {
         }
         if is_due {
             self.tried = Instant::now();
+        }
+    }
+
+    /// Keeps a mark after those that wait, so that one that is taken back stays so.
+    fn keep_mark(&mut self, sender: Sender, mark: Mark) {
+        if self.unstored_marks.is_empty() && self.archive.keep_mark(mark) {
+            (self.tell)(Event::Bus(sender, Message::Mark(mark)));
+        } else if !self.unstored_marks.contains(&(sender, mark)) {
+            self.unstored_marks.push_back((sender, mark));
+            if self.unstored_marks.len() > MARKS_WAITING_MAX {
+                self.unstored_marks.pop_front();
+            }
         }
     }
 

@@ -1,7 +1,8 @@
 //! What the ground's process says and stores, also when its disk is in trouble.
 
 use tomoswarm_proto::{
-    Deviation, Heading, Mark, Plan, PoseReport, Position, Revision, RunId, Sample, Samples,
+    Deviation, Heading, Mark, OperatorId, Plan, PoseReport, Position, Revision, RunId, Sample,
+    Samples,
 };
 
 use super::super::state_dir::FolderPlace;
@@ -272,4 +273,46 @@ fn who_comes_is_told_the_last_marks_and_however_many_come_they_are_told_once_a_s
     to_store.send(StoreJob::End).unwrap();
     keeper.join().unwrap();
     assert!(events.try_recv().is_err(), "nothing more was said");
+}
+
+#[test]
+fn marks_that_could_not_be_stored_are_stored_later_in_their_order_and_the_trouble_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let troubles = Troubles::default();
+    let archive = Arc::new(archive(folder.path(), troubles.clone()));
+    let reader = rusqlite::Connection::open(folder.path().join("ground.sqlite")).unwrap();
+    let no = "CREATE TRIGGER no BEFORE INSERT ON marks BEGIN SELECT raise(ABORT, 'no'); END";
+    reader.execute_batch(no).unwrap();
+    let (to_store, wanted) = sync_channel(8);
+    let (told, events) = std::sync::mpsc::channel();
+    let store = archive.clone();
+    let keeper = keeper(archive, wanted, move |event| drop(told.send(event))).unwrap();
+    let mark = |x_mm: i32, stands: bool| Mark {
+        run: RunId(1),
+        at: Position {
+            x_mm,
+            ..Position::default()
+        },
+        stands,
+    };
+    let said = [mark(1, true), mark(2, true), mark(1, false), mark(1, false)];
+    for mark in said {
+        let job = StoreJob::Mark(Sender::Operator(OperatorId(1)), mark);
+        to_store.send(job).unwrap();
+    }
+    while troubles.list().is_empty() {
+        std::thread::yield_now();
+    }
+    reader.execute_batch("DROP TRIGGER no").unwrap();
+    for expected in &said[..3] {
+        let event = events.recv_timeout(std::time::Duration::from_secs(20));
+        match event.unwrap() {
+            Event::Bus(Sender::Operator(_), Message::Mark(mark)) => assert_eq!(mark, *expected),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(store.newest_marks(9), [mark(2, true)]);
+    assert_eq!(troubles.list(), Vec::<String>::new());
+    to_store.send(StoreJob::End).unwrap();
+    keeper.join().unwrap();
 }

@@ -7,6 +7,7 @@
 //! ```
 
 use std::ffi::OsStr;
+use std::fs::{File, TryLockError};
 use std::io;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
@@ -28,6 +29,8 @@ use crate::sim::xbee_air::XbeeAir;
 use crate::sim::xbee_module::XbeeModule;
 use crate::time::Time;
 
+/// The file in the folder of the ports that is locked while a world shows them.
+const LOCK: &str = ".lock";
 /// A reader looks this often whether it shall end, and whether somebody has opened the port.
 const READ_FOR: Duration = Duration::from_millis(50);
 /// What nobody reads within this time is lost.
@@ -50,6 +53,8 @@ pub(super) enum FromHost {
 pub(super) struct XbeePtys {
     air: XbeeAir,
     ports: Vec<Pty>,
+    /// Held for its lock.
+    _lock: File,
 }
 
 /// The port of a module.
@@ -84,6 +89,12 @@ impl XbeePtys {
         told: impl Fn(usize, FromHost) + Clone + Send + 'static,
     ) -> io::Result<XbeePtys> {
         std::fs::create_dir_all(&settings.folder)?;
+        let lock = File::create(settings.folder.join(LOCK))?;
+        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+            return Err(io::Error::other(
+                "another world shows its modules there; another folder is expected",
+            ));
+        }
         let world = environment.world();
         let mut modules = Vec::new();
         let mut ports = Vec::new();
@@ -97,6 +108,7 @@ impl XbeePtys {
         Ok(XbeePtys {
             air: XbeeAir::new(modules),
             ports,
+            _lock: lock,
         })
     }
 
@@ -218,7 +230,12 @@ fn show(port: &Path, link: &Path) -> io::Result<()> {
     if is_link {
         std::fs::remove_file(link)?;
     }
-    std::os::unix::fs::symlink(port, link)
+    std::os::unix::fs::symlink(port, link).map_err(|error| {
+        io::Error::other(format!(
+            "{} cannot be made a link to a port: {error}",
+            link.display()
+        ))
+    })
 }
 
 fn listen(port: &SerialPort, is_ended: &AtomicBool, told: &impl Fn(FromHost)) {

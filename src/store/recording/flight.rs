@@ -274,15 +274,19 @@ impl OpenRecording {
         self.used_bytes = made.used_bytes;
         match room.filter(|_| made.missing_bytes > 0) {
             None => Ok(()),
-            Some(room) => Err(WriteError::at(&self.folder, no_room(room))),
+            Some(room) => Err(WriteError::at(&self.folder, no_room(room, beside_bytes))),
         }
     }
 }
 
 /// Says that a disk's reserve is not touched.
-fn no_room(room: DiskRoom) -> String {
+fn no_room(room: DiskRoom, beside_bytes: u64) -> String {
+    let beside = match beside_bytes.div_ceil(1 << 20) {
+        0 => String::new(),
+        file_mb => format!(", and {file_mb} MB are needed for the next file"),
+    };
     format!(
-        "{} MB are free on its disk, and {} MB are kept free for samples",
+        "{} MB are free on its disk, of which {} MB are kept free for samples{beside}",
         room.free_mb(),
         room.reserve_bytes() >> 20
     )

@@ -437,3 +437,28 @@ fn the_link_says_why_it_is_refused() {
         *state == LinkState::Refused(LinkRefusal::Token)
     });
 }
+
+#[cfg(feature = "hw")]
+#[test]
+fn two_worlds_show_no_modules_in_one_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = || {
+        let address = "127.0.0.1:0".parse().unwrap();
+        WorldServer::start(&scenario(), address, TOKEN, None, Some(folder.path()))
+    };
+    let first = start().unwrap();
+    let words = start().err().unwrap().to_string();
+    assert!(
+        words.contains("another world shows its modules there"),
+        "{words}"
+    );
+    assert!(folder.path().join("vehicle-1").is_symlink());
+    drop(first);
+    std::fs::remove_file(folder.path().join("vehicle-2")).ok();
+    std::fs::write(folder.path().join("vehicle-2"), "mine").unwrap();
+    let words = start().err().unwrap().to_string();
+    assert!(
+        words.contains("vehicle-2 cannot be made a link to a port"),
+        "{words}"
+    );
+}
