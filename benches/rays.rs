@@ -55,6 +55,7 @@ fn person(name: &str, x_m: f64, y_m: f64) -> Person {
     Person {
         name: name.into(),
         at: Point::new(x_m, y_m),
+        path: Vec::new(),
         radius_m: 0.3,
         height_m: 1.8,
         db_per_m: 10.0,

@@ -233,6 +233,10 @@ impl EnrollArgs {
             .iter()
             .map(|new| (new.name.node, new.files.clone()))
             .collect();
+        let edited_before = new
+            .iter()
+            .filter_map(|new| swarm.file_before_revoked(new.name))
+            .collect::<Vec<_>>();
         let former = swarm.publish(&next, &files)?;
         let mut said = String::new();
         for node in &new {
@@ -242,6 +246,12 @@ impl EnrollArgs {
                 said +=
                     &format!("the former files are kept in {former} and are worth nothing now\n");
             }
+        }
+        for (file, before) in edited_before {
+            let (file, before) = (file.display(), before.display());
+            said += &format!(
+                "{file} is new; the one that the node had before it was revoked is {before}\n"
+            );
         }
         said += &lists_said(&swarm, &reached_before, &next)?;
         let is_new = |node| new.iter().any(|new| new.name.node == node);

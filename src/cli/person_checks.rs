@@ -64,6 +64,7 @@ mod tests {
                 .map(|(name, (x_m, y_m))| Person {
                     name: (*name).to_owned(),
                     at: Point::new(*x_m, *y_m),
+                    path: Vec::new(),
                     radius_m: 0.3,
                     height_m: 1.8,
                     db_per_m: 10.0,

@@ -10,6 +10,15 @@ use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::sim::{FoundObject, NEAR_M, RunOutcome, Scenario};
 
+/// Somebody who was searched for.
+#[derive(Debug)]
+struct SoughtPerson {
+    name: String,
+    at: Point,
+    /// Where it walks from there; empty = it stands.
+    path: Vec<Point>,
+}
+
 /// The search for persons in a run.
 #[derive(Debug)]
 pub(super) struct PersonSearch {
@@ -19,7 +28,7 @@ pub(super) struct PersonSearch {
     unfound: Option<String>,
     /// Why nobody was searched for; `None` as well where the mission is no sweep.
     why_not: Option<String>,
-    persons: Vec<(String, Point)>,
+    persons: Vec<SoughtPerson>,
     /// How far its find is from each of them, metres.
     errors_m: Vec<f64>,
 }
@@ -46,7 +55,11 @@ impl PersonSearch {
             unfound,
             why_not: why_not(scenario, outcome),
             persons: persons
-                .map(|person| (person.name.clone(), person.at))
+                .map(|person| SoughtPerson {
+                    name: person.name.clone(),
+                    at: person.at,
+                    path: person.path.clone(),
+                })
                 .collect(),
             errors_m: outcome.errors_m(),
         }
@@ -84,9 +97,13 @@ impl PersonSearch {
         let judged = self.persons.iter().zip(&self.errors_m);
         let missed = judged.filter(|(_, error_m)| self.found.is_some() && **error_m > NEAR_M);
         missed
-            .map(|((name, at), _)| {
+            .map(|(SoughtPerson { name, at, path }, _)| {
+                let does = match path.is_empty() {
+                    true => "at",
+                    false => "who walks, from",
+                };
                 format!(
-                    "missed            {name} at {:.2}, {:.2} m\n",
+                    "missed            {name} {does} {:.2}, {:.2} m\n",
                     at.x_m, at.y_m
                 )
             })
@@ -97,7 +114,7 @@ impl PersonSearch {
     pub(super) fn found_json(&self) -> Value {
         let find = |find: &FoundObject| {
             let [xx, xy, yy] = find.covariance_m2;
-            let name = |person: usize| self.persons.get(person).map(|(name, _)| name);
+            let name = |person: usize| self.persons.get(person).map(|person| &person.name);
             json!({
                 "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m,
                 "person": find.person.and_then(name),
@@ -115,8 +132,10 @@ impl PersonSearch {
 
     /// Returns who stood in the scene, for a program.
     pub(super) fn persons_json(&self) -> Value {
-        let person =
-            |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
+        let person = |SoughtPerson { name, at, path }: &SoughtPerson| {
+            let path: Vec<[f64; 2]> = path.iter().map(|at| [at.x_m, at.y_m]).collect();
+            json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m, "path_m": path })
+        };
         json!(self.persons.iter().map(person).collect::<Vec<_>>())
     }
 }
@@ -162,7 +181,14 @@ mod tests {
             unfound: None,
             why_not: why_not.map(str::to_owned),
             persons: ["ann", "bob"]
-                .map(|name| (name.to_owned(), Point::new(1.0, 2.5)))
+                .map(|name| SoughtPerson {
+                    name: name.to_owned(),
+                    at: Point::new(1.0, 2.5),
+                    path: match name {
+                        "bob" => vec![Point::new(3.0, 2.5)],
+                        _ => Vec::new(),
+                    },
+                })
                 .into(),
             errors_m: vec![0.5, f64::INFINITY],
         }
@@ -196,7 +222,7 @@ mod tests {
         assert!(found[1]["person"].is_null());
         let missed = searched.missed_in_words();
         assert!(
-            missed.contains("bob") && !missed.contains("ann"),
+            missed.contains("bob who walks, from 1.00, 2.50 m") && !missed.contains("ann"),
             "{missed}"
         );
     }

@@ -144,10 +144,22 @@ fn truth(outcome: &RunOutcome, with_finds: bool) -> Vec<Overlay> {
 
 /// Returns the persons of a scene, by the names that the summary of a run has for them.
 pub(super) fn persons(persons: &[Person]) -> impl Iterator<Item = Overlay> {
-    persons.iter().map(|person| Overlay::Circle {
-        at: person.at,
-        radius_m: person.radius_m,
-        label: Some(person.name.clone()),
+    persons.iter().flat_map(|person| {
+        let walks = !person.path.is_empty();
+        let way = walks.then(|| Overlay::Walk {
+            points: [person.at].into_iter().chain(person.path.clone()).collect(),
+        });
+        let name = &person.name;
+        let circle = Overlay::Circle {
+            at: person.at,
+            radius_m: person.radius_m,
+            label: Some(if walks {
+                format!("{name}, walking")
+            } else {
+                name.clone()
+            }),
+        };
+        way.into_iter().chain([circle])
     })
 }
 

@@ -212,6 +212,24 @@ impl Swarm {
         Ok(Some(aside))
     }
 
+    /// Returns the file that a node gets anew, and the one that it had when it was last revoked; `None` = it has one, or had none.
+    pub(super) fn file_before_revoked(&self, new: CommonName) -> Option<(PathBuf, PathBuf)> {
+        let file = self.node_folder(new.node).join(file_name(new.node));
+        let before = |issue| {
+            let name = CommonName { issue, ..new };
+            self.folder
+                .join(format!("{name}.revoked"))
+                .join(file_name(new.node))
+        };
+        let before = (1..new.issue)
+            .rev()
+            .map(before)
+            .find(|before| before.exists());
+        before
+            .filter(|_| !file.exists())
+            .map(|before| (file, before))
+    }
+
     /// Lists the enrolled vehicles in the ground station's configuration, where that list still is as it was written;
     /// returns whether it lists them all.
     pub(super) fn list_in_ground(&self, next: &Roster) -> Result<bool, CliError> {

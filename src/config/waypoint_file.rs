@@ -299,7 +299,10 @@ impl WaypointFile {
             ));
         }
         let mut file = WaypointFile {
-            home: Some(home),
+            home: Some(Geodetic {
+                altitude_m: centimetres(home.altitude_m),
+                ..home
+            }),
             items: Vec::new(),
             origins: Vec::new(),
         };

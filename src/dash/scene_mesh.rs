@@ -48,6 +48,7 @@ mod tests {
         let person = Person {
             name: "<b>".to_owned(),
             at: Point::new(2.0, 3.0),
+            path: Vec::new(),
             radius_m: 0.25,
             height_m: 1.8,
             db_per_m: 10.0,

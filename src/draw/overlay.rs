@@ -28,6 +28,11 @@ pub enum Overlay {
         /// Written beside the circle.
         label: Option<String>,
     },
+    /// The way of a true person who walks.
+    Walk {
+        /// Its corners.
+        points: Vec<Point>,
+    },
     /// A found object.
     Cross {
         /// Where it was found.
@@ -104,6 +109,7 @@ impl Overlay {
             Overlay::Vehicle { vehicle, .. } => Mark::Vehicle(Some(place_of(*vehicle))),
             Overlay::Home { vehicle, .. } => Mark::Home(Some(place_of(*vehicle))),
             Overlay::Viewpoint { .. } => Mark::Viewpoint,
+            Overlay::Walk { .. } => Mark::Walk,
             Overlay::Direction { .. } => Mark::Direction,
             Overlay::Fence { .. } => Mark::Fence,
             Overlay::Area { .. } => Mark::Area,
@@ -121,6 +127,7 @@ impl Overlay {
                 Some(vehicle.to_string())
             }
             Overlay::Track { .. }
+            | Overlay::Walk { .. }
             | Overlay::Viewpoint { .. }
             | Overlay::Direction { .. }
             | Overlay::Fence { .. }
@@ -142,7 +149,7 @@ impl Overlay {
             | Overlay::Viewpoint { at } => vec![*at],
             // They lie within what they say something of.
             Overlay::Direction { .. } => Vec::new(),
-            Overlay::Track { points, .. } => points.clone(),
+            Overlay::Track { points, .. } | Overlay::Walk { points } => points.clone(),
             Overlay::Area { rect } => vec![rect.min, rect.max],
         };
         places
@@ -170,6 +177,7 @@ impl Overlay {
         match self {
             Overlay::Outline { .. } => "true outline".to_string(),
             Overlay::Circle { .. } => "true person".to_string(),
+            Overlay::Walk { .. } => "way of a true person".to_string(),
             Overlay::Cross { .. } => "strong place".to_string(),
             Overlay::Find { .. } => "found person, 90 % ellipse".to_string(),
             Overlay::Track { vehicle, .. } => format!("track of vehicle {vehicle}"),
@@ -195,6 +203,7 @@ pub(super) enum Mark {
     Area,
     Fence,
     Track(Option<usize>),
+    Walk,
     Outline,
     Direction,
     Home(Option<usize>),
@@ -230,6 +239,10 @@ impl Mark {
                 ..pen(1.6, theme.border)
             },
             Mark::Track(vehicle) => pen(2.0, colour_of(vehicle)),
+            Mark::Walk => Pen {
+                dash_px: Some((5.0, 4.0)),
+                ..pen(1.8, theme.truth)
+            },
             Mark::Outline => pen(1.8, theme.truth),
             Mark::Direction => pen(1.6, theme.found),
             Mark::Home(vehicle) => pen(2.0, colour_of(vehicle)),

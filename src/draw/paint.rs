@@ -89,7 +89,7 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
     );
     let place = |x_px: f64, y_px: f64| At::new(middle.x_px + x_px, middle.y_px + y_px);
     let paths = match mark {
-        Mark::Area | Mark::Fence | Mark::Track(_) | Mark::Direction => {
+        Mark::Area | Mark::Fence | Mark::Track(_) | Mark::Walk | Mark::Direction => {
             vec![vec![place(-14.0, 0.0), place(14.0, 0.0)]]
         }
         Mark::Outline => {
@@ -138,7 +138,7 @@ pub(super) fn rim(mark: Mark, theme: &Theme) -> Pen {
 /// Returns the opacity of a mark's rim: fainter for lines, which lie close to each other.
 fn mark_rim(mark: Mark) -> f64 {
     match mark {
-        Mark::Track(_) | Mark::Area | Mark::Fence | Mark::Direction => 0.5,
+        Mark::Track(_) | Mark::Walk | Mark::Area | Mark::Fence | Mark::Direction => 0.5,
         Mark::Outline
         | Mark::Home(_)
         | Mark::Viewpoint
@@ -156,7 +156,7 @@ pub(super) fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
             vec![closed(polygon, layout)]
         }
         Overlay::Area { rect } => vec![closed(&rect.polygon(), layout)],
-        Overlay::Track { points, .. } => {
+        Overlay::Track { points, .. } | Overlay::Walk { points } => {
             vec![points.iter().map(|point| layout.place(*point)).collect()]
         }
         Overlay::Circle { at, radius_m, .. } => {
@@ -264,6 +264,7 @@ fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
         Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => around(*at, 6.0, layout),
         Overlay::Outline { .. }
         | Overlay::Track { .. }
+        | Overlay::Walk { .. }
         | Overlay::Direction { .. }
         | Overlay::Fence { .. }
         | Overlay::Area { .. } => None,
@@ -285,6 +286,7 @@ fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
         | Overlay::Viewpoint { .. }
         | Overlay::Home { .. } => point_mark(overlay, layout).into_iter().collect(),
         Overlay::Track { .. }
+        | Overlay::Walk { .. }
         | Overlay::Direction { .. }
         | Overlay::Fence { .. }
         | Overlay::Area { .. } => Vec::new(),

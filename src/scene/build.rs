@@ -49,8 +49,10 @@ pub enum Shape {
 pub struct Person {
     /// What the person is called in pictures and tables.
     pub name: String,
-    /// Where the person stands.
+    /// Where the person stands, or begins to walk.
     pub at: Point,
+    /// Where it walks from there, and the same way back, again and again; empty = it stands.
+    pub path: Vec<Point>,
     /// Radius, metres.
     pub radius_m: f64,
     /// Height, metres.

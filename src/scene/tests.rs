@@ -44,6 +44,7 @@ fn person(x_m: f64, y_m: f64) -> Person {
     Person {
         name: "someone".into(),
         at: Point::new(x_m, y_m),
+        path: Vec::new(),
         radius_m: 0.3,
         height_m: 1.8,
         db_per_m: 10.0,

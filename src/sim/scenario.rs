@@ -251,6 +251,7 @@ impl Scenario {
             persons.push(Person {
                 name: format!("person {number}"),
                 at,
+                path: Vec::new(),
                 radius_m,
                 height_m,
                 db_per_m,

@@ -43,12 +43,13 @@ pub fn person(person: &config::Person) -> Person {
         radius_m,
         height_m,
         db_per_m,
-        path: _,
+        path,
         speed_mps: _,
     } = person.clone();
     Person {
         name,
         at,
+        path,
         radius_m,
         height_m,
         db_per_m,

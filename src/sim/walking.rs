@@ -165,6 +165,7 @@ mod tests {
         let person = Person {
             name: "ada".to_owned(),
             at: Point::new(1.0, 1.0),
+            path: Vec::new(),
             radius_m: 0.3,
             height_m: 1.8,
             db_per_m: 10.0,

@@ -657,7 +657,11 @@ fn a_node_is_enrolled_once_replaced_and_revoked() {
         "vehicle-3 is not enrolled; enrolled: ground",
     );
     bad(root, "swarm --revoke rover", "rover: is no node");
-    good(root, "swarm --venue VENUE vehicle 3");
+    let printed = good(root, "swarm --venue VENUE vehicle 3");
+    assert!(
+        printed.contains("swarm/vehicle-3/vehicle.toml is new; the one that the node had before it was revoked is swarm/vehicle-3.2.revoked/vehicle.toml"),
+        "{printed}"
+    );
     assert_eq!(
         Trusted::read(&identity(&own), ROVER, None).unwrap().own,
         name("vehicle-3.3")

@@ -162,6 +162,7 @@ impl Walk {
         let person = |person: u64| Person {
             name: format!("person {person}"),
             at: self.at(person, at_s),
+            path: Vec::new(),
             radius_m: 0.3,
             height_m: 1.8,
             db_per_m: 10.0,

@@ -387,6 +387,7 @@ fn a_person_is_a_circle_for_a_level_fan() {
         let person = [Person {
             name: "p".into(),
             at: Point::default() + at,
+            path: Vec::new(),
             radius_m: 0.3,
             height_m: 1.8,
             db_per_m: 10.0,
