@@ -15,6 +15,7 @@ mod accept_files;
 pub mod check;
 #[cfg(feature = "hw")]
 mod check_devices;
+mod counted;
 mod csv;
 #[cfg(feature = "dash")]
 pub mod dash;
@@ -48,6 +49,7 @@ mod image_settings;
 mod image_text;
 mod image_values;
 mod imaging_comments;
+mod keyed_samples;
 mod link_pictures;
 #[cfg(feature = "net")]
 mod live;

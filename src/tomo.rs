@@ -26,6 +26,7 @@ mod path_loss;
 mod peaks;
 mod person;
 mod prior;
+mod ring;
 mod room;
 mod samples_csv;
 mod settings;
@@ -55,10 +56,11 @@ pub use link::{Link, floor_dbm};
 pub use links_csv::{LINKS_HEADER, MISSED_POWER, links_csv};
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 pub use npy::{npy_bytes, npy_of};
-pub use path_loss::{ExponentPrior, PathLoss};
+pub use path_loss::{ExponentPrior, LawBasis, PathLoss};
 pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
 pub use person::PersonModel;
 pub use prior::{Covariance, Prior, Workspace};
+pub use ring::{ring_of, side_tolerance_m};
 pub use samples_csv::{SAMPLES_HEADER, SampleLine, utc_text};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
 pub use shares::{LinkShare, PixelShares};
@@ -68,6 +70,7 @@ pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
 pub use tsvd::tsvd;
 pub use volume::{
-    MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeLink, VolumePrior, VoxelGrid, reconstruct_volume,
+    MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeError, VolumeLink, VolumePrior, VoxelGrid,
+    reconstruct_volume,
 };
 pub use weights::{WeightModel, WeightRows};

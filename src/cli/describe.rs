@@ -2,6 +2,7 @@
 //! as comments above it what follows from them. Read back it means the same; files are named as they were opened, so the
 //! text is read from the same folder under a name without one (`tomoswarm check -`).
 
+use super::counted::counted;
 use crate::config::{
     self, Axis, Config, Experiment, GroundFile, RangeDriver, Sim, VehicleFile, Venue,
 };
@@ -77,7 +78,7 @@ fn venue_lines(venue: &Venue) -> Vec<Line> {
 fn sim_lines(sim: &Sim) -> Vec<Line> {
     let mut list = venue_lines(&sim.venue);
     list.push(("scene", format!("scene {}", sim.scene.name)));
-    list.push(("vehicles", format!("{} vehicles", sim.vehicles.count)));
+    list.push(("vehicles", counted(sim.vehicles.count, "vehicle")));
     let look = &sim.range.look;
     list.push((
         "looks",

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use tomoswarm_proto::{RunId, VehicleId};
 
+use super::counted::counted;
 use super::earth::{extend_track, world_file};
 use super::error::CliError;
 use super::export_target::ExportTarget;
 use super::folder::{FileFamily, OutputFolder};
 use super::imaging_comments::comments;
-use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
+use super::pictures::{CellGrid, colour_range, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
 use super::samples_csv::sample_line;
 use super::stored_run;
@@ -403,13 +404,13 @@ fn heat<'a>(made: &'a StoredImage, truth: &[StoredMark]) -> HeatMap<'a> {
     let places: Vec<Point> = truth.iter().map(|mark| mark.at).collect();
     overlays.extend(circles(&places, 1.0));
     HeatMap {
-        title: format!("{seen} ({} links)", made.links),
+        title: format!("{seen} ({})", counted(made.links, "link")),
         grid: *grid,
         values,
         unit: "dB/m",
         length_unit: "m",
         overlays,
-        range: None,
+        range: colour_range(&made.image),
     }
 }
 
@@ -568,7 +569,7 @@ mod tests {
             peaks: vec![Peak {
                 at: Point::new(7.5, 7.5),
                 strength: 3.0,
-                significance: 9.0,
+                significance: Some(9.0),
             }],
             residual_rms_db: 1.0,
             used: 9,

@@ -2,7 +2,7 @@
 //!
 //! Files in, files out; the work is done by `tomo`, the files are written by `outputs`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
@@ -12,8 +12,9 @@ use clap::Args;
 
 use super::earth_files::{self, EarthFiles};
 use super::error::CliError;
+use super::image_checks::{warning_of_itself, warning_of_short};
 use super::image_settings::warning_of_part;
-use super::image_text::{offsets_in_words, summary};
+use super::image_text::{LinkCounts, offsets_in_words, summary};
 use super::image_values::{SolverName, WeightsName};
 use super::image_values::{parse_area, parse_cell, parse_pixels, parse_place, parse_rate};
 use super::network_recording::{NetworkRecording, Tracks};
@@ -214,15 +215,23 @@ impl ImageCommand {
             Some(marks) => read_with(marks, &mut made_from, read_places)?,
             None => TruePlaces::default(),
         };
+        let of_now = made_from.len();
+        let mut of_empty = of_now;
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
             None => {
                 let now = read_files(&self.files, None, &mut made_from)?;
+                of_empty = made_from.len();
                 let empty = read_files(&self.empty, Some(now.unit), &mut made_from)?;
                 self.check_alike(&now, &empty)?;
                 (now, empty)
             }
         };
+        if let Some(warning) =
+            warning_of_itself(&made_from[of_now..of_empty], &made_from[of_empty..])
+        {
+            complain(&warning);
+        }
         self.check_run(&now, &stood)?;
         let stood = stood.places;
         let unit = now.unit;
@@ -239,10 +248,9 @@ impl ImageCommand {
         if let Some(warning) = warning_of_part(self.area, settings.ring) {
             complain(&warning);
         }
-        let count = now.links.len();
+        let (count, repeated) = (now.links.len(), now.repeated + empty.repeated);
         let empty_recording = (!self.empty.is_empty()).then_some(empty);
         let (now, empty, offsets) = now.pooled_for(empty_recording.as_ref(), settings.pairing_m);
-        self.check_links(now.len())?;
         let empty = empty.as_deref();
         let extras = Extras {
             persons: true,
@@ -259,6 +267,11 @@ impl ImageCommand {
         if network.is_none() {
             self.check_partners(result.used, &result.dropped)?;
         }
+        self.check_links(result.used, &result.dropped)?;
+        let shortest = format!("{:.2} {}", settings.shortest_link_m, unit.word());
+        warning_of_short(result.used, &result.dropped, &shortest)
+            .iter()
+            .for_each(|warning| complain(warning));
         let tracks = network
             .filter(|_| self.track.is_some())
             .map(|network| network.track(settings.grid.area));
@@ -279,9 +292,16 @@ impl ImageCommand {
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = StopFlag::listen();
         let track = tracks.as_ref().map(Tracks::csv);
+        let counts = LinkCounts {
+            read: count,
+            repeated,
+            pooled: now.len(),
+            empty: empty.map(<[_]>::len),
+        };
         let made = Made {
             result: &result,
             settings: &settings,
+            counts,
             unit,
             unit_m,
             stood: &stood,
@@ -291,7 +311,7 @@ impl ImageCommand {
             earth: earth.as_ref(),
         };
         let files = Outputs::open(self)?.filled(&made)?;
-        let mut text = summary(&result, (count, now.len()), unit, &settings);
+        let mut text = summary(&result, counts, unit, &settings);
         text.extend(offsets.map(|offsets| offsets_in_words(&offsets)));
         let named = Named::of(result.finds.as_ref(), &result.peaks);
         text.extend(stood.iter().map(|at| named.words(*at, unit.word()) + "\n"));
@@ -437,8 +457,9 @@ fn read_files(
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
     let (mut pooled_in_m, mut channels, mut devices) = (None, BTreeSet::new(), Vec::new());
     let (mut is_without_offsets, mut runs) = (!paths.is_empty(), BTreeSet::new());
+    let (mut known, mut repeated) = (BTreeMap::new(), 0);
     for path in paths {
-        let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
+        let mut recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
         let expected = *unit.get_or_insert(recording.unit);
         if recording.unit != expected {
             let (found, expected) = (recording.unit.word(), expected.word());
@@ -449,6 +470,13 @@ fn read_files(
             }
             .into());
         }
+        recording
+            .leave_out_known(path, &mut known)
+            .map_err(|problem| ImageError::Recording {
+                path: path.clone(),
+                problem,
+            })?;
+        repeated += recording.repeated;
         devices.resize(links.len(), None);
         links.extend(recording.links);
         devices.extend(recording.devices);
@@ -472,6 +500,8 @@ fn read_files(
         heights_m: Vec::new(),
         in_time: Vec::new(),
         devices,
+        keyed: Vec::new(),
+        repeated,
     })
 }
 

@@ -6,10 +6,12 @@ use std::collections::BTreeSet;
 
 use tomoswarm_proto::RunId;
 
+use super::counted::counted;
 use super::error::CliError;
 use super::image::{ImageCommand, bounds};
 use super::recording::{LengthUnit, Recording};
 use super::true_places::TruePlaces;
+use crate::config::SourceFile;
 use crate::geom::Rect;
 use crate::tomo::{DropReason, DroppedLinks};
 
@@ -128,17 +130,92 @@ impl ImageCommand {
         })
     }
 
-    /// Checks that there is something to make an image of.
-    pub(super) fn check_links(&self, count: usize) -> Result<(), CliError> {
-        if count > 1 {
+    /// Checks that there is something to make an image of: `used` links are in it.
+    pub(super) fn check_links(&self, used: usize, dropped: &DroppedLinks) -> Result<(), CliError> {
+        if used > 1 {
             return Ok(());
         }
+        let left_out = match dropped.is_empty() {
+            true => String::new(),
+            false => format!(" that can be imaged (left out: {})", reasons(dropped)),
+        };
         let reason = format!(
-            "found {count} link, expected several: one says how much is lost along it, and not where"
+            "found {}{left_out}, expected several: one says how much is lost along it, and not where",
+            counted(used, "link")
         );
         Err(CliError::Input {
             path: self.files[0].clone(),
             reason,
         })
+    }
+}
+
+/// Returns how many links were left out, and why, in a few words.
+fn reasons(dropped: &DroppedLinks) -> String {
+    let of = |(reason, count): (&DropReason, &usize)| format!("{count} {}", reason.words());
+    dropped.iter().map(of).collect::<Vec<_>>().join(", ")
+}
+
+/// Returns a warning where a recording of the sweep is one of the empty sweep as well.
+pub(super) fn warning_of_itself(now: &[SourceFile], empty: &[SourceFile]) -> Option<String> {
+    let is_both = |file: &&SourceFile| empty.iter().any(|other| other.sha256 == file.sha256);
+    let both = now.iter().find(is_both)?;
+    Some(format!(
+        "warning: {} is given as the sweep and as its own empty sweep: what is compared with itself has not changed",
+        both.file
+    ))
+}
+
+/// Returns a warning where most links are shorter than `shortest`, and so left out.
+pub(super) fn warning_of_short(
+    used: usize,
+    dropped: &DroppedLinks,
+    shortest: &str,
+) -> Option<String> {
+    let short = dropped.get(&DropReason::TooShort).copied().unwrap_or(0);
+    let all = used + dropped.values().sum::<usize>();
+    (2 * short > all).then(|| {
+        format!(
+            "warning: {short} of {} are left out as they are shorter than {shortest}, which goes with the size of what is \
+             imaged or is the recording's min_link_m: the image rests on {used}",
+            counted(all, "link")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sweep_that_is_its_own_empty_sweep_is_warned_of() {
+        let file = |name: &str, text: &str| SourceFile::of(name, text.as_bytes());
+        let now = [file("a.csv", "1"), file("b.csv", "2")];
+        assert_eq!(warning_of_itself(&now, &[file("c.csv", "3")]), None);
+        let said = warning_of_itself(&now, &[file("copy.csv", "2")]).unwrap();
+        assert!(
+            said.starts_with("warning: b.csv is given as the sweep and as its own"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn links_that_are_mostly_too_short_are_warned_of() {
+        let of = |short: usize, along: usize| {
+            let dropped =
+                DroppedLinks::from([(DropReason::TooShort, short), (DropReason::SameSide, along)]);
+            warning_of_short(10, &dropped, "1.50 m")
+        };
+        let said = of(31, 20).unwrap();
+        assert!(
+            said.starts_with("warning: 31 of 61 links are left out"),
+            "{said}"
+        );
+        assert!(
+            said.contains("shorter than 1.50 m") && said.ends_with("rests on 10"),
+            "{said}"
+        );
+        assert_eq!(of(30, 20), None);
+        assert_eq!(warning_of_short(10, &DroppedLinks::new(), "1.50 m"), None);
     }
 }

@@ -8,7 +8,7 @@ use crate::config::{Imaging, LinksFile};
 use crate::geom::{PixelGrid, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
-use crate::tomo::{BIN_M, FindSettings, ImagingSettings, Link};
+use crate::tomo::{BIN_M, FindSettings, ImagingSettings, Link, ring_of};
 
 /// Two areas have one shape when the ratios of their sides differ by less than this share.
 const SAME_SHAPE: f64 = 0.01;
@@ -28,7 +28,7 @@ impl ImageCommand {
     ) -> ImagingSettings {
         let mut settings = match &recording.imaging {
             Some(file) => self.as_recorded(file),
-            None => self.as_usual(bounds(links), recording),
+            None => self.as_usual(links, recording),
         };
         if let Some((columns, rows)) = self.pixels {
             settings.grid.columns = columns;
@@ -65,9 +65,16 @@ impl ImageCommand {
         settings
     }
 
-    fn as_usual(&self, ring: Rect, recording: &Recording) -> ImagingSettings {
+    fn as_usual<'a>(
+        &self,
+        links: impl Iterator<Item = &'a Link>,
+        recording: &Recording,
+    ) -> ImagingSettings {
+        let links: Vec<&Link> = links.collect();
+        let enclosed = bounds(links.iter().copied());
+        let ring = ring_of(links.into_iter()).unwrap_or(enclosed);
         // What is measured, and how, does not change with what is imaged of it.
-        let whole = recording.area.unwrap_or(ring);
+        let whole = recording.area.unwrap_or(enclosed);
         let usual = match self.subject() {
             Subject::Structure => ImagingSettings::for_area(whole),
             Subject::Change => ImagingSettings::for_change(whole),
@@ -346,6 +353,11 @@ mod tests {
             + 1;
         let said = read_recording(wrong.as_bytes()).unwrap_err().to_string();
         assert!(said.starts_with(&format!("{line}: ")), "{said}");
+        let broken = noted.replace("bin_m = ", "bin_m ");
+        let said = read_recording(broken.as_bytes()).unwrap_err().to_string();
+        let words = "expected TOML in these comments, as a run writes it above its links";
+        assert!(said.starts_with(&format!("{line}: found ")), "{said}");
+        assert!(said.ends_with(words), "{said}");
         let none = read_recording(b"# a note\ntx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,6,6,-60\n");
         assert_eq!(none.unwrap().imaging, None);
     }

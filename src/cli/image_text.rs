@@ -2,13 +2,16 @@
 
 use tomoswarm_proto::VehicleId;
 
+use super::counted::counted;
 use super::recording::LengthUnit;
 use crate::geom::Rect;
 use crate::tomo::{
-    DeviceOffsets, DropReason, DroppedLinks, Find, FindSettings, Finds, ImagingSettings,
-    PixelShares, Reconstruction, SIGNIFICANT,
+    DeviceOffsets, DropReason, DroppedLinks, Find, FindSettings, Finds, ImagingSettings, LawBasis,
+    Peak, PixelShares, Reconstruction, SIGNIFICANT,
 };
 
+/// Strengths under this are printed as 0.00, and are no peaks to a reader.
+pub(super) const LEAST_SHOWN: f64 = 0.005;
 /// Links of a pixel that the summary names.
 const SHARES_SHOWN: usize = 5;
 
@@ -87,11 +90,11 @@ pub(super) fn why_not_searched(settings: &FindSettings, area: Rect, unit: &str) 
 fn shares_in_words(shares: &PixelShares, unit: &str) -> String {
     let (at, links) = (shares.at, &shares.links);
     let mut text = format!(
-        "pixel at ({:.2}, {:.2}) {unit}: {:.3} dB/{unit}, of {} links; most by\n",
+        "pixel at ({:.2}, {:.2}) {unit}: {:.3} dB/{unit}, of {}; most by\n",
         at.x_m,
         at.y_m,
         shares.value,
-        links.len()
+        counted(links.len(), "link")
     );
     for link in links.iter().take(SHARES_SHOWN) {
         text += &format!(
@@ -138,25 +141,71 @@ pub(super) fn dropped_in_words(dropped: &DroppedLinks, shortest: &str) -> String
     dropped.iter().map(line).collect()
 }
 
-/// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used
-/// and those dropped are as many as the latter.
+/// How many links there are.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct LinkCounts {
+    /// In the files, each sample once.
+    pub(super) read: usize,
+    /// Samples that were left out because they had been given already, those of the empty sweep, too.
+    pub(super) repeated: usize,
+    /// What is left of them when they are pooled: those used and those dropped together.
+    pub(super) pooled: usize,
+    /// Those of the empty sweep, pooled, where there is one.
+    pub(super) empty: Option<usize>,
+}
+
+/// Returns in a line with what strengths are compared.
+fn reference_in_words(result: &Reconstruction, empty: Option<usize>) -> String {
+    match (empty, result.path_loss) {
+        (Some(count), _) => format!("reference: {} of the empty sweep\n", counted(count, "link")),
+        (None, Some(law)) => {
+            let count = counted(law.links, "link");
+            match law.basis {
+                LawBasis::Sides => {
+                    format!(
+                        "reference: free space, by {count} along the sides, where nothing stands\n"
+                    )
+                }
+                LawBasis::All => format!(
+                    "reference: free space, by all {count} that are long enough: too few run along the sides, so the level \
+                     is less sure\n"
+                ),
+            }
+        }
+        // Then there is no image.
+        (None, None) => String::new(),
+    }
+}
+
+/// Returns the summary.
 pub(super) fn summary(
     result: &Reconstruction,
-    counts: (usize, usize),
+    counts: LinkCounts,
     unit: LengthUnit,
     settings: &ImagingSettings,
 ) -> String {
     let (unit, area) = (unit.word(), result.image.grid.area);
-    let of = match counts {
-        (read, pooled) if read == pooled => format!("{read}"),
-        (read, pooled) => format!("{read} pooled to {pooled}"),
+    let LinkCounts {
+        read,
+        repeated,
+        pooled,
+        empty,
+    } = counts;
+    let of = match read == pooled {
+        true => format!("{read}"),
+        false => format!("{read} pooled to {pooled}"),
     };
     let mut text = format!(
         "links: {of}, {} used, residual {:.2} dB\n",
         result.used, result.residual_rms_db
     );
+    text += &match repeated {
+        0 => String::new(),
+        count => format!("  {} left out: given already\n", counted(count, "sample")),
+    };
     let shortest = format!("{:.2} {unit}", settings.shortest_link_m);
     text += &dropped_in_words(&result.dropped, &shortest);
+    text += &reference_in_words(result, empty);
     if let Some(choice) = &result.choice {
         text += &format!("{}\n", choice.words());
     }
@@ -171,23 +220,35 @@ pub(super) fn summary(
     if let Some(shares) = &result.shares {
         text += &shares_in_words(shares, unit);
     }
-    for peak in &result.peaks {
+    text + &peaks_in_words(&result.peaks, unit)
+}
+
+/// Returns the peaks, in lines.
+fn peaks_in_words(peaks: &[Peak], unit: &str) -> String {
+    let words = |peak: &Peak| {
         let faint = if peak.is_faint() {
             format!(" (faint: under {SIGNIFICANT} it may be noise)")
         } else {
             String::new()
         };
         // An image that is zero nearly everywhere has no noise to compare with.
-        let ratio = match peak.significance {
-            f64::MAX => String::new(),
-            ratio => format!(", {ratio:.1} times the noise"),
-        };
-        text += &format!(
+        let ratio = peak.significance.map_or(String::new(), |ratio| {
+            format!(", {ratio:.1} times the noise")
+        });
+        format!(
             "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}{ratio}{faint}\n",
             peak.at.x_m, peak.at.y_m, peak.strength
-        );
+        )
+    };
+    let shown: String = peaks
+        .iter()
+        .filter(|peak| peak.strength >= LEAST_SHOWN)
+        .map(words)
+        .collect();
+    match (shown.is_empty(), peaks.is_empty()) {
+        (true, false) => format!("no peak: nothing reaches {LEAST_SHOWN} dB/{unit}\n"),
+        (false, _) | (true, true) => shown,
     }
-    text
 }
 
 #[cfg(test)]
@@ -234,6 +295,24 @@ mod tests {
         assert!(nobody.starts_with("nobody found; "), "{nobody}");
         let one = words(vec![find(30.0, 0.1)], find(3.0, 70.0));
         assert!(one.starts_with("found at ") && one.lines().count() == 1);
+    }
+
+    #[test]
+    fn peaks_that_would_read_as_zero_are_not_named() {
+        let peak = |strength: f64| Peak {
+            at: Point::new(3.0, 4.0),
+            strength,
+            significance: None,
+        };
+        assert_eq!(
+            peaks_in_words(&[peak(0.5), peak(1e-9)], "m"),
+            "peak at (3.00, 4.00) m: 0.50 dB/m\n"
+        );
+        assert_eq!(
+            peaks_in_words(&[peak(0.004)], "m"),
+            "no peak: nothing reaches 0.005 dB/m\n"
+        );
+        assert_eq!(peaks_in_words(&[], "m"), "");
     }
 
     #[test]

@@ -46,9 +46,12 @@ pub(super) fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingEr
             // Rules are whole sentences ("a list is allowed"), of which this one takes what comes before the verb.
             let rule = first.allowed.as_str();
             let of = [" is allowed", " is needed"].map(|verb| rule.split_once(verb));
-            let expected = match of.into_iter().flatten().next() {
-                Some((what, more)) => format!("{what}{more}"),
-                None => rule.to_owned(),
+            let expected = match (of.into_iter().flatten().next(), rule) {
+                (Some((what, more)), _) => format!("{what}{more}"),
+                (None, "") => {
+                    "TOML in these comments, as a run writes it above its links".to_owned()
+                }
+                (None, rule) => rule.to_owned(),
             };
             (first.line, found, expected)
         });

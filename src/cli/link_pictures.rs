@@ -1,5 +1,6 @@
 //! Pictures of the links behind an image: what they have seen, what each has lost, and what the image leaves unexplained.
 
+use super::counted::counted;
 use super::error::CliError;
 use super::pictures::drawn;
 use crate::draw::{HeatMap, LinkMap, Overlay, Picture, Scatter};
@@ -34,7 +35,10 @@ impl LinkPictures<'_> {
     pub(super) fn coverage(&self) -> Result<Vec<u8>, CliError> {
         let seen = coverage(self.links.iter(), self.settings);
         drawn(Picture::heat(&HeatMap {
-            title: format!("What {} links have seen of each pixel", self.links.len()),
+            title: format!(
+                "What is seen of each pixel by {}",
+                counted(self.links.len(), "link")
+            ),
             grid: seen.grid,
             values: &seen.lengths_m(),
             unit: &format!("{} of links", self.unit),
@@ -64,7 +68,10 @@ impl LinkPictures<'_> {
             "free space"
         };
         drawn(Picture::links(&LinkMap {
-            title: format!("Loss of {} links beyond {beyond}", self.links.len()),
+            title: format!(
+                "Loss of {} beyond {beyond}",
+                counted(self.links.len(), "link")
+            ),
             area: self.settings.ring,
             links: &losses,
             unit: "dB",

@@ -93,6 +93,8 @@ impl NetworkRecording {
             heights_m: Vec::new(),
             in_time: Vec::new(),
             devices: Vec::new(),
+            keyed: Vec::new(),
+            repeated: 0,
         }
     }
 

@@ -4,15 +4,18 @@
 
 use std::fs;
 use std::io::Write as _;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::counted::counted;
 use super::earth_files::EarthFiles;
 use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
+use super::image_text::LinkCounts;
 use super::link_pictures::LinkPictures;
-use super::pictures::{drawn, marks};
+use super::pictures::{colour_range, drawn, marks};
 use super::recording::LengthUnit;
 use super::true_places::{Named, circles};
 use crate::config::SourceFile;
@@ -20,7 +23,7 @@ use crate::draw::{HeatMap, Picture, described};
 use crate::geom::{Point, Rect};
 use crate::tomo::{
     Candidates, Choice, DropReason, DroppedLinks, Find, FindSettings, Finds, Image,
-    ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction, Score, Solver, Sparse,
+    ImagingSettings, LawBasis, LinkShare, Peak, PixelShares, Reconstruction, Score, Solver, Sparse,
     Variation, WeightModel, npy_bytes,
 };
 
@@ -46,6 +49,8 @@ pub(super) struct Made<'a> {
     pub(super) result: &'a Reconstruction,
     /// How it was made.
     pub(super) settings: &'a ImagingSettings,
+    /// How many links there were.
+    pub(super) counts: LinkCounts,
     /// The unit of lengths.
     pub(super) unit: LengthUnit,
     /// How long that is, metres.
@@ -108,7 +113,7 @@ impl Outputs {
         })?;
         fill(&mut self.npy, || Ok(npy_bytes(&result.image)))?;
         fill(&mut self.json, || {
-            let mut report = report(result, settings, (unit, unit_m), made_from);
+            let mut report = report(made);
             let named = Named::of(result.finds.as_ref(), &result.peaks);
             report["marks"] = (!stood.is_empty()).then(|| named.json(stood)).into();
             Ok(format!("{report:#}\n").into_bytes())
@@ -293,13 +298,13 @@ pub(super) fn heat_map<'a>(
         "What stands there"
     };
     HeatMap {
-        title: format!("{seen} ({} links)", result.used),
+        title: format!("{seen} ({})", counted(result.used, "link")),
         grid: *grid,
         values,
         unit: per_length,
         length_unit: unit.word(),
         overlays: marks(result.finds.as_ref(), &result.peaks),
-        range: None,
+        range: colour_range(&result.image),
     }
 }
 
@@ -333,15 +338,19 @@ pub(super) fn deviation_picture(deviation: &Image, unit: &str) -> Result<Vec<u8>
 }
 
 /// Returns the content of the JSON output.
-fn report(
-    result: &Reconstruction,
-    settings: &ImagingSettings,
-    (unit, unit_m): (LengthUnit, f64),
-    made_from: &[SourceFile],
-) -> Value {
+fn report(made: &Made<'_>) -> Value {
+    let Made {
+        result,
+        settings,
+        unit,
+        unit_m,
+        counts,
+        made_from,
+        ..
+    } = *made;
     let peak = |peak: &Peak| {
-        let significance = peak.significance.min(1e9);
-        json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance, "is_faint": peak.is_faint()})
+        json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": peak.significance,
+            "is_faint": peak.is_faint()})
     };
     let law = result.path_loss.map(|law| {
         json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
@@ -350,14 +359,28 @@ fn report(
         "finds": finds_json(result.finds.as_ref(), &settings.finds),
         "peaks": result.peaks.iter().map(peak).collect::<Vec<_>>(),
         "residual_rms_db": result.residual_rms_db,
-        "links": {"used": result.used, "dropped": dropped_json(&result.dropped)},
+        "links": {"used": result.used, "dropped": dropped_json(&result.dropped), "repeated_samples": counts.repeated},
         "path_loss": law,
+        "reference": reference_json(result, counts.empty),
         "why": result.shares.as_ref().map(shares_json),
         "choice": result.choice.as_ref().map(choice_json),
         "settings": settings_json(settings, (unit, unit_m), result.by_empty_sweep),
         "version": env!("CARGO_PKG_VERSION"),
         "made_from": made_from,
     })
+}
+
+/// Returns with what strengths are compared, as the JSON output shows it.
+fn reference_json(result: &Reconstruction, empty: Option<usize>) -> Value {
+    let of = |name: &str, links: usize| json!({"name": name, "links": links});
+    match (empty, result.path_loss) {
+        (Some(links), _) => of("empty sweep", links),
+        (None, Some(law)) => match law.basis {
+            LawBasis::Sides => of("along the sides", law.links),
+            LawBasis::All => of("all", law.links),
+        },
+        (None, None) => Value::Null,
+    }
 }
 
 /// Returns how many links were left out as the JSON output shows it.
@@ -480,7 +503,8 @@ fn settings_json(
     })
 }
 
-/// Returns whether two names lead to the same file; one that does not exist yet has only its own name.
+/// Returns whether two names lead to the same file, also as hard links to it; one that does not exist yet has only its own
+/// name.
 pub(super) fn is_same_file(one: &Path, other: &Path) -> bool {
     let real = |path: &Path| {
         let folder = path
@@ -490,7 +514,9 @@ pub(super) fn is_same_file(one: &Path, other: &Path) -> bool {
         let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
         path.canonicalize().ok().or_else(beside)
     };
-    real(one).is_some_and(|one| real(other) == Some(one))
+    let number = |path: &Path| path.metadata().ok().map(|known| (known.dev(), known.ino()));
+    let is_one_file = number(one).is_some_and(|one| number(other) == Some(one));
+    is_one_file || real(one).is_some_and(|one| real(other) == Some(one))
 }
 
 /// Returns whether something is there that is neither a file nor a folder.

@@ -2,6 +2,7 @@
 
 use tomoswarm_proto::VehicleId;
 
+use super::counted::counted;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::link_pictures::LinkPictures;
@@ -15,7 +16,7 @@ use crate::scene::Person;
 use crate::sim::{RunOutcome, Scenario};
 #[cfg(feature = "net")]
 use crate::tomo::{Extras, Imager};
-use crate::tomo::{Find, Finds, Image, Peak, Reconstruction, deviation_of};
+use crate::tomo::{Find, Finds, Image, ImagingSettings, Peak, Reconstruction, deviation_of};
 
 /// Draws a run: what changed, what stands there, and the map.
 ///
@@ -112,8 +113,36 @@ pub(super) fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<V
     result.map_err(|error| CliError::Fault(error.to_string()))
 }
 
+/// Pixels that may lie beyond the colours, a share of all.
+const BEYOND_COLOURS: f64 = 0.002;
+/// The colours end below the largest value only when it is so many times the value at their end.
+const FAR_BEYOND: f64 = 1.5;
+
+/// Returns the values at the ends of the colours of an image where a few pixels of its rim, specks at antennas, would take
+/// them all up; `None` where the largest value is a good end. Nothing inside of the rim lies beyond.
+pub(super) fn colour_range(image: &Image) -> Option<(f64, f64)> {
+    let Image { grid, values } = image;
+    let inner = grid
+        .area
+        .shrunk(ImagingSettings::for_area(grid.area).peaks.rim_m);
+    let mut sorted: Vec<f64> = values
+        .iter()
+        .copied()
+        .filter(|value| value.is_finite())
+        .collect();
+    sorted.sort_by(f64::total_cmp);
+    let largest = *sorted.last()?;
+    let beyond = (BEYOND_COLOURS * sorted.len() as f64) as usize;
+    let usual = sorted[sorted.len() - 1 - beyond];
+    let top = (0..values.len())
+        .filter(|pixel| inner.contains(grid.centre(*pixel)) && values[*pixel].is_finite())
+        .map(|pixel| values[pixel])
+        .fold(usual, f64::max);
+    (top > 0.0 && largest > FAR_BEYOND * top).then_some((0.0, top))
+}
+
 fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Vec<u8>, CliError> {
-    let title = format!("{title} ({} links)", made.used);
+    let title = format!("{title} ({})", counted(made.used, "link"));
     let Image { grid, values } = &made.image;
     let spec = HeatMap {
         title,
@@ -122,7 +151,7 @@ fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Ve
         unit: "dB/m",
         length_unit: "m",
         overlays,
-        range: None,
+        range: colour_range(&made.image),
     };
     drawn(Picture::heat(&spec))
 }
@@ -321,6 +350,7 @@ mod tests {
     use crate::cli::load;
     use crate::draw::tests_support::decoded;
     use crate::draw::vehicle_colour;
+    use crate::geom::{PixelGrid, Rect};
     use std::path::Path;
 
     /// A short mission of two rovers in a yard with a crate and a person.
@@ -330,6 +360,37 @@ mod tests {
         let scenario = load::scenario(loaded, Some(&file), Some(1)).unwrap();
         let outcome = scenario.run(&mut |_| true).unwrap();
         (scenario, outcome)
+    }
+
+    #[test]
+    fn specks_at_antennas_do_not_set_the_colours_and_walls_do() {
+        let area = Rect::new(Point::default(), Point::new(20.0, 20.0));
+        let grid = PixelGrid {
+            area,
+            columns: 200,
+            rows: 200,
+        };
+        let with = |places: &[(Point, f64, f64)]| {
+            let mut image = Image::zeros(grid);
+            for pixel in 0..grid.len() {
+                for (at, radius_m, value) in places {
+                    if grid.centre(pixel).distance_to(*at) <= *radius_m {
+                        image.values[pixel] = *value;
+                    }
+                }
+            }
+            image
+        };
+        let person = (Point::new(8.0, 12.0), 0.25, 6.0);
+        let speck = (Point::new(0.1, 7.0), 0.1, 90.0);
+        let specks = [person, speck, (Point::new(13.0, 0.1), 0.1, 70.0)];
+        assert_eq!(colour_range(&with(&specks)), Some((0.0, 6.0)));
+        assert_eq!(colour_range(&with(&[person])), None);
+        let wall_in_rim = (Point::new(1.0, 10.0), 0.9, 40.0);
+        assert_eq!(colour_range(&with(&[person, wall_in_rim])), None);
+        let few = with(&[person, (Point::new(0.1, 7.0), 0.1, 8.0)]);
+        assert_eq!(colour_range(&few), None, "not far beyond");
+        assert_eq!(colour_range(&with(&[])), None);
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use super::counted::counted;
 use super::error::CliError;
 use super::image::ImageError;
 use super::outputs::heat_map;
+use super::pictures::colour_range;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, read_share};
 use crate::draw::Picture;
@@ -55,7 +57,8 @@ pub(super) fn animation(
             continue;
         };
         if percent == 100 {
-            top = made.image.values.iter().copied().fold(0.0, f64::max);
+            let largest = || made.image.values.iter().copied().fold(0.0, f64::max);
+            top = colour_range(&made.image).map_or_else(largest, |(_, top)| top);
         }
         let shown_ms = if percent == 100 { LAST_MS } else { SHOWN_MS };
         frames.push((picture(&made, unit, (percent, top))?, shown_ms));
@@ -112,7 +115,10 @@ fn picture(
 ) -> Result<Picture, CliError> {
     let per_length = format!("dB/{}", unit.word());
     let mut map = heat_map(made, unit, &per_length);
-    map.title = format!("The first {percent} % of the packets: {} links", made.used);
+    map.title = format!(
+        "The first {percent} % of the packets: {}",
+        counted(made.used, "link")
+    );
     map.range = (top > 0.0).then_some((0.0, top));
     Picture::of_heat(&map).map_err(|error| CliError::Fault(error.to_string()))
 }

@@ -11,6 +11,7 @@ use tomoswarm_proto::RunId;
 
 use super::csv::{self, CsvHeader};
 use super::imaging_comments::{comments, read_comments};
+use super::keyed_samples::KeyedSample;
 use super::samples_csv::{NEEDED, POWER_DBM, read_samples};
 use crate::config::LinksFile;
 use crate::geom::{Point, Rect};
@@ -114,6 +115,10 @@ pub struct Recording {
     pub in_time: Vec<usize>,
     /// Who measured each link, as far as it is known; empty when it is known of none.
     pub devices: Vec<Option<Devices>>,
+    /// Which samples the links are; empty when they are none, or it is not known.
+    pub keyed: Vec<KeyedSample>,
+    /// How many samples were left out because they had been given already.
+    pub repeated: usize,
 }
 
 impl Recording {
@@ -221,6 +226,7 @@ pub(super) fn read_share(text: &str, share: f64) -> Result<Option<Recording>, Re
     let count = share_of(recording.links.len(), share);
     let is_of_packets = recording.pooled_in_m.is_none() && recording.links.iter().all(is_single);
     let in_time = std::mem::take(&mut recording.in_time);
+    recording.keyed.clear();
     match in_time.is_empty() {
         true => recording.links.truncate(count),
         false => {
@@ -254,12 +260,13 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let mut of_samples = csv::names(SAMPLES_HEADER).filter(|name| !is_of_links(name));
     let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
     let (mut heights_m, mut in_time, mut devices) = (Vec::new(), Vec::new(), Vec::new());
-    let mut runs = BTreeSet::new();
+    let (mut runs, mut keyed, mut repeated) = (BTreeSet::new(), Vec::new(), 0);
     let (links, channels, pooled_in_m) = if are_samples {
         let expected = format!("a header of samples, with {NEEDED} at least");
         let header = CsvHeader::read(number, line, SAMPLES_HEADER, expected)?;
         let samples = read_samples(&header, lines)?;
         (in_time, devices) = (samples.in_time, samples.devices);
+        (keyed, repeated) = (samples.keyed, samples.repeated);
         runs.extend(samples.run);
         (samples.links, samples.channels, None)
     } else {
@@ -283,6 +290,8 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         heights_m,
         in_time,
         devices,
+        keyed,
+        repeated,
     })
 }
 
@@ -423,6 +432,8 @@ fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
         heights_m: Vec::new(),
         in_time: Vec::new(),
         devices: Vec::new(),
+        keyed: Vec::new(),
+        repeated: 0,
     })
 }
 

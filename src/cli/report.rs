@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use super::counted::counted;
 use super::error::CliError;
 use super::folder::{FileFamily, OutputFolder};
 use super::outputs::about;
@@ -20,7 +21,7 @@ use crate::sim::{
     VisibleScene, narrowest_gap_m,
 };
 use crate::time::Time;
-use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
+use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side, side_tolerance_m};
 
 /// All files that a run may leave behind.
 pub(super) const FAMILY: FileFamily = FileFamily {
@@ -172,13 +173,13 @@ impl RunFigures {
             (Some(why), false) => format!("NOT finished: {why}"),
         };
         format!(
-            "{} with {} vehicles, seed {}: {outcome}\n\
+            "{} with {}, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
              {}\
              collisions        {}; fence breaches {}; minimum separation {separation}\n\
              work              {:.0} scans/s, {:.0} events/s of wall time; {:.1} kB/s sent per vehicle\n",
             self.scene,
-            self.vehicles,
+            counted(self.vehicles, "vehicle"),
             self.seed,
             self.simulated_s / 60.0,
             self.wall_s,
@@ -413,9 +414,10 @@ pub(super) fn why_not_made(outcome: &RunOutcome, subject: Subject) -> &str {
 /// Returns the share of the pixels that at least one link across the area looks at.
 fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
     let settings = scenario.image(Subject::Structure);
+    let tolerance_m = side_tolerance_m(links.iter(), settings.ring, settings.side_tolerance_m);
     let across = links.iter().filter(|link| {
         link.length_m() >= settings.shortest_link_m
-            && !runs_along_a_side(link, settings.ring, settings.side_tolerance_m)
+            && !runs_along_a_side(link, settings.ring, tolerance_m)
     });
     let rows = WeightRows::rescaled(across.map(Link::segment), &settings.grid, settings.weights);
     let mut seen = vec![0.0; settings.grid.len()];

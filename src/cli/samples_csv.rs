@@ -2,12 +2,13 @@
 //! `tomoswarm image` reads.
 
 use std::cmp::Ordering;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use tomoswarm_proto::{RunId, VehicleId};
 
 use super::csv::CsvHeader;
 use super::imaging_comments::comments;
+use super::keyed_samples::{KeyedSample, SampleKey};
 use super::recording::{RecordingError, STRENGTH_DBM, wrong};
 use crate::config::LinksFile;
 use crate::ground::MeasuredSample;
@@ -65,13 +66,17 @@ pub(super) struct SampleLinks {
     pub(super) in_time: Vec<usize>,
     /// Who measured each of them, as far as the file says so.
     pub(super) devices: Vec<Option<Devices>>,
+    /// Which samples they are; empty when the file does not say it.
+    pub(super) keyed: Vec<KeyedSample>,
+    /// How many lines were left out because their samples stand above already.
+    pub(super) repeated: usize,
 }
 
 /// Reads lines of samples below their header as links of one packet, or of one miss, and on which channels that was. A sample
 /// that comes again and one whose ends are not both known are passed over. A power that is not told is 0 dBm.
 ///
 /// # Errors
-/// The first line that is not as expected, or lines of several runs.
+/// The first line that is not as expected, lines of several runs, or a sample that comes again otherwise.
 pub(super) fn read_samples<'a>(
     header: &CsvHeader<'_>,
     lines: impl Iterator<Item = (usize, &'a str)>,
@@ -91,7 +96,8 @@ pub(super) fn read_samples<'a>(
     };
     let (channel, power) = (header.column("channel"), header.column("power_dbm"));
     let (transmitter, receiver) = (header.column("transmitter"), header.column("vehicle"));
-    let (mut links, mut read, mut of_file) = (Vec::new(), BTreeSet::new(), None);
+    let (mut links, mut read, mut of_file) = (Vec::new(), BTreeMap::new(), None);
+    let (mut keyed, mut repeated) = (Vec::new(), 0);
     let [utc, heard_at] = ["utc", "heard_at_s"].map(|name| header.column(name));
     let (mut channels, mut times, mut devices) = (BTreeSet::new(), Vec::new(), Vec::new());
     for (number, line) in lines {
@@ -102,16 +108,14 @@ pub(super) fn read_samples<'a>(
             let expected = format!("run {expected} as above: one run a file");
             return Err(fields.mistake(format!("run {of_line}"), expected));
         }
-        let is_repeated = match key {
-            Some((vehicle, boot, sequence)) => {
-                let key: (u8, u32, u64) = (
-                    fields.whole(vehicle, 1, "a vehicle")?,
-                    fields.whole(boot, 0, "a start")?,
-                    fields.whole(sequence, 0, "samples")?,
-                );
-                !read.insert(key)
-            }
-            None => false,
+        let key = match key {
+            Some((vehicle, boot, sequence)) => Some(SampleKey {
+                run: of_line,
+                vehicle: VehicleId(fields.whole(vehicle, 1, "a vehicle")?),
+                boot: fields.whole(boot, 0, "a start")?,
+                sequence: fields.whole(sequence, 0, "samples")?,
+            }),
+            None => None,
         };
         if ends.as_flattened().iter().any(|end| fields.is_empty(*end)) {
             continue;
@@ -128,30 +132,44 @@ pub(super) fn read_samples<'a>(
             true => None,
             false => Some(fields.ranged(rssi, STRENGTH_DBM, "dBm")?),
         };
-        let link = Link::of_packet(from, to, power_dbm, rssi_dbm);
-        if !is_repeated {
-            links.push(link);
-            let vehicle = |column: usize| match fields.is_empty(column) {
-                true => Ok(None),
-                false => fields
-                    .whole(column, 1, "a vehicle")
-                    .map(|id| Some(VehicleId(id))),
+        let vehicle = |column: usize| match fields.is_empty(column) {
+            true => Ok(None),
+            false => fields
+                .whole(column, 1, "a vehicle")
+                .map(|id| Some(VehicleId(id))),
+        };
+        let known = |column: Option<usize>| column.map_or(Ok(None), vehicle);
+        let (transmitter, receiver) = (known(transmitter)?, known(receiver)?);
+        let heard_at_s = match heard_at.filter(|heard_at| !fields.is_empty(*heard_at)) {
+            Some(heard_at) => fields.ranged(heard_at, SECONDS, "seconds")?,
+            None => 0.0,
+        };
+        if let Some(key) = key {
+            let sample = KeyedSample {
+                key,
+                line: number,
+                heard_at_s,
+                transmitter,
+                link: (from, to, rssi_dbm.map(|rssi_dbm| rssi_dbm - power_dbm)),
             };
-            let known = |column: Option<usize>| column.map_or(Ok(None), vehicle);
-            let ends = (known(transmitter)?, known(receiver)?);
-            devices.push(match ends {
-                (Some(transmitter), Some(receiver)) => Some(Devices {
-                    transmitter,
-                    receiver,
-                }),
-                _ => None,
-            });
-            let heard_at_s = match heard_at.filter(|heard_at| !fields.is_empty(*heard_at)) {
-                Some(heard_at) => fields.ranged(heard_at, SECONDS, "seconds")?,
-                None => 0.0,
-            };
-            times.push((utc.map_or("", |utc| fields.text(utc)), heard_at_s));
+            if let Some(known) = read.get(&key) {
+                let known: &KeyedSample = known;
+                known.check_same(&sample, &format!("line {}", known.line))?;
+                repeated += 1;
+                continue;
+            }
+            read.insert(key, sample);
+            keyed.push(sample);
         }
+        links.push(Link::of_packet(from, to, power_dbm, rssi_dbm));
+        devices.push(match (transmitter, receiver) {
+            (Some(transmitter), Some(receiver)) => Some(Devices {
+                transmitter,
+                receiver,
+            }),
+            _ => None,
+        });
+        times.push((utc.map_or("", |utc| fields.text(utc)), heard_at_s));
     }
     if links.is_empty() {
         let expected = "at least one sample with both places";
@@ -175,6 +193,8 @@ pub(super) fn read_samples<'a>(
         channels,
         in_time,
         devices,
+        keyed,
+        repeated,
     })
 }
 
@@ -277,6 +297,24 @@ mod tests {
         let first = read_share(&text, 0.5).ok().flatten().unwrap();
         let places: Vec<f64> = first.links.iter().map(|link| link.from.x_m).collect();
         assert_eq!(places, [3.0, 4.0]);
+    }
+
+    #[test]
+    fn a_sample_that_comes_again_otherwise_is_named_with_both_lines() {
+        let (one, mut other) = (sample(0, 1.0, Some(-60)), sample(0, 1.0, Some(-61)));
+        let said = problem(&file(&[one, sample(1, 2.0, None), other]));
+        assert_eq!(
+            said,
+            "4: found sample 0 of vehicle 2, start 7, run 3 otherwise than in line 2, expected the same again, or a key (run, \
+             vehicle, boot, sequence) of its own"
+        );
+        other.sample.rssi_dbm = None;
+        assert!(problem(&file(&[one, other])).starts_with("3: found sample 0 of"));
+        // A later export knows better at which moment of UTC it was.
+        let mut later = one;
+        later.utc_s = Some((1.8e9, 0.01));
+        let read = read_recording(file(&[one, later]).as_bytes()).unwrap();
+        assert_eq!((read.links.len(), read.repeated), (1, 1));
     }
 
     fn problem(text: &str) -> String {

@@ -5,13 +5,15 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
+use std::slice;
 
 use serde_json::json;
 
 use super::error::CliError;
 use super::image::{ImageCommand, bounds, print, read_with};
+use super::image_checks::warning_of_itself;
 use super::image_settings::warning_of_part;
-use super::image_text::dropped_in_words;
+use super::image_text::{LEAST_SHOWN, dropped_in_words};
 use super::outputs::{PendingFile, about, dropped_json};
 use super::recording::{Recording, read_recording};
 use super::standard_output::complain;
@@ -20,7 +22,7 @@ use crate::draw::{DrawError, HeatMap, Picture, described};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
     DropReason, DroppedLinks, ImagingSettings, Link, MOST_VOLUME_LINKS, MOST_VOXELS, NoiseModel,
-    Volume, VolumeLink, VolumePrior, VoxelGrid, floor_dbm, reconstruct_volume,
+    Volume, VolumeError, VolumeLink, VolumePrior, VoxelGrid, floor_dbm, reconstruct_volume,
 };
 
 /// Voxels along the longer side, unless it is said.
@@ -46,6 +48,10 @@ pub(super) fn run(
     let mut made_from = Vec::new();
     let now = read(&command.files, "FILE", &mut made_from)?;
     let empty = read(&command.empty, "--empty", &mut made_from)?;
+    if let [of_now, of_empty] = &made_from[..] {
+        let warning = warning_of_itself(slice::from_ref(of_now), slice::from_ref(of_empty));
+        warning.iter().for_each(|warning| complain(warning));
+    }
     let (links, mut dropped) = calibrated(&now, &empty);
     let refused = |reason: String| CliError::Input {
         path: command.files[0].clone(),
@@ -57,7 +63,7 @@ pub(super) fn run(
         return Err(refused(reason.to_owned()));
     }
     command.check_partners(links.len(), &dropped)?;
-    command.check_links(links.len())?;
+    command.check_links(links.len(), &dropped)?;
     let grid = grid_of(command, &now, layers)?;
     if let Some(warning) = warning_of_part(command.area, bounds(now.links.iter())) {
         complain(&warning);
@@ -68,30 +74,49 @@ pub(super) fn run(
         length_m,
         height_m: length_m,
     };
-    let volume = reconstruct_volume(&links, grid, prior).ok_or_else(|| {
-        refused(format!(
-            "found {} links and {} voxels without a volume, expected links through it, at most \
-             {MOST_VOLUME_LINKS}, and at most {MOST_VOXELS} voxels",
-            links.len(),
-            grid.voxels()
-        ))
-    })?;
+    let volume = reconstruct_volume(&links, grid, prior)
+        .map_err(|problem| refused(why_no_volume(problem, &grid)))?;
     if volume.used < links.len() {
         dropped.insert(DropReason::OutsideArea, links.len() - volume.used);
     }
+    command.check_links(volume.used, &dropped)?;
     let files = filled(command, &volume, &dropped, &made_from)?;
     let [x_m, y_m, z_m] = grid.centre(volume.strongest());
+    let strongest = match volume.values[volume.strongest()] {
+        none if none < LEAST_SHOWN => format!("nothing reaches {LEAST_SHOWN} dB/m"),
+        some => format!("strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {some:.2} dB/m"),
+    };
     let text = format!(
-        "links: {}, {} used, residual {:.2} dB\n{}strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {:.2} dB/m\n",
+        "links: {}, {} used, residual {:.2} dB\n{}{strongest}\n",
         volume.used + dropped.values().sum::<usize>(),
         volume.used,
         volume.residual_rms_db,
-        dropped_in_words(&dropped, "0 m"),
-        volume.values[volume.strongest()]
+        dropped_in_words(&dropped, "0 m")
     );
     // A command that ends with an error leaves no file.
     print(out, &text)?;
     Ok(files.into_iter().try_for_each(PendingFile::finish)?)
+}
+
+/// Returns why there is no volume, and which limit is exceeded.
+fn why_no_volume(problem: VolumeError, grid: &VoxelGrid) -> String {
+    match problem {
+        VolumeError::TooManyVoxels => {
+            let [columns, rows, layers] = grid.counts;
+            format!(
+                "found {columns} x {rows} x {layers} = {} voxels, expected at most {MOST_VOXELS}: fewer --layers or --pixels",
+                grid.voxels()
+            )
+        }
+        VolumeError::NoLinks => "found no link through the volume, expected several".to_owned(),
+        VolumeError::TooManyLinks { links } => format!(
+            "found {links} links through the volume, expected at most {MOST_VOLUME_LINKS} with --layers: a part of the \
+             recording, or a smaller --area"
+        ),
+        VolumeError::NoAnswer => {
+            "found links whose numbers leave no volume, expected strengths and places of a usual size".to_owned()
+        }
+    }
 }
 
 /// Refuses what volumes do not have, and a picture of too many layers.

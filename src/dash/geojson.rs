@@ -55,7 +55,7 @@ impl Features {
         for (index, peak) in made.peaks.iter().enumerate() {
             let says = json!({
                 "what": "peak", "rank": index + 1, "strength_db_per_m": peak.strength,
-                "significance": peak.significance.min(1e9),
+                "significance": peak.significance,
             });
             self.add(Shape::Point(peak.at), joined(made.says, says));
         }

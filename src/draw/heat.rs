@@ -11,7 +11,7 @@ use crate::geom::PixelGrid;
 
 use super::bar::Bar;
 use super::colour::{ColourMap, DARK, INK, NOT_FINITE, PAPER};
-use super::layout::Layout;
+use super::layout::{Layout, view};
 use super::legend::{Legend, LegendEntry, LegendSample};
 use super::overlay::Overlay;
 use super::raster::Picture;
@@ -53,7 +53,11 @@ impl HeatMap<'_> {
     }
 
     fn legend(&self) -> Legend {
-        Legend::new(not_finite_entry(self.values), &self.overlays)
+        // Of an area that cannot be shown there is no picture either.
+        let view = view(self.grid.area, &self.overlays).unwrap_or(self.grid.area);
+        let shown = self.overlays.iter();
+        let shown = shown.filter(|overlay| !overlay.is_outside(view));
+        Legend::new(not_finite_entry(self.values), shown)
     }
 
     fn layout(&self, bar: &Bar, legend: &Legend) -> Result<Layout, DrawError> {

@@ -192,7 +192,10 @@ fn shown(offset_px: f64, pitch_px: f64, count: usize) -> std::ops::Range<usize> 
 }
 
 /// Returns the metres to show: the area, and the overlays that lie near it.
-fn view(area: Rect, overlays: &[Overlay]) -> Result<Rect, DrawError> {
+///
+/// # Errors
+/// [`DrawError::AreaNotFinite`].
+pub(super) fn view(area: Rect, overlays: &[Overlay]) -> Result<Rect, DrawError> {
     let Rect { min, max } = area;
     let error = DrawError::AreaNotFinite {
         min_x_m: min.x_m,

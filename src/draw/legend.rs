@@ -40,9 +40,12 @@ pub(super) struct Legend {
 impl Legend {
     /// Makes the legend from colours to explain and from the overlays that are drawn, each kind once, each vehicle's track
     /// once.
-    pub(super) fn new(fills: Vec<LegendEntry>, overlays: &[Overlay]) -> Legend {
+    pub(super) fn new<'a>(
+        fills: Vec<LegendEntry>,
+        overlays: impl IntoIterator<Item = &'a Overlay>,
+    ) -> Legend {
         let mut marks: Vec<(Mark, String)> = overlays
-            .iter()
+            .into_iter()
             .filter(|overlay| overlay.is_drawn())
             .map(|overlay| (overlay.legend_mark(), short(&overlay.legend_text(), 32)))
             .collect();

@@ -163,6 +163,24 @@ impl Overlay {
         matches!(self, Overlay::Direction { .. }) || !self.places().is_empty()
     }
 
+    /// Returns whether it is a mark at one place, and that lies outside of what is shown.
+    pub(super) fn is_outside(&self, view: Rect) -> bool {
+        match self {
+            Overlay::Circle { at, .. }
+            | Overlay::Cross { at, .. }
+            | Overlay::Find { at, .. }
+            | Overlay::Vehicle { at, .. }
+            | Overlay::Home { at, .. }
+            | Overlay::Viewpoint { at }
+            | Overlay::Direction { at, .. } => !view.contains(*at),
+            Overlay::Outline { .. }
+            | Overlay::Fence { .. }
+            | Overlay::Track { .. }
+            | Overlay::Walk { .. }
+            | Overlay::Area { .. } => false,
+        }
+    }
+
     /// Returns the mark that stands for it in the legend: one for the vehicles and one for the homes of all colours.
     pub(super) fn legend_mark(&self) -> Mark {
         match self.mark() {

@@ -398,6 +398,27 @@ fn a_track_beside_another_keeps_its_own_colour_throughout() {
 }
 
 #[test]
+fn what_lies_far_outside_is_not_in_the_legend() {
+    let values = vec![1.0; 30 * 20];
+    let plain = spec(grid(9.0, 7.0, 30, 20), &values);
+    let with = |x_m: f64| {
+        let person = Overlay::Circle {
+            at: Point::new(x_m, 5.0),
+            radius_m: 0.25,
+            label: None,
+        };
+        let overlays = vec![person];
+        Picture::heat(&HeatMap {
+            overlays,
+            ..plain.clone()
+        })
+    };
+    assert!(with(500.0).unwrap() == Picture::heat(&plain).unwrap());
+    // One just outside is shown, and the picture grows.
+    assert!(with(8.0).unwrap() != Picture::heat(&plain).unwrap());
+}
+
+#[test]
 fn a_cross_lies_on_the_pixel_that_it_names() {
     let mut values = vec![0.0; 30 * 20];
     for (column, row) in [(3, 2), (28, 18), (11, 17)] {

@@ -465,8 +465,7 @@ pub(super) fn kind_name(subject: Subject) -> &'static str {
 }
 
 fn peak_json(peak: &Peak) -> serde_json::Value {
-    let significance = peak.significance.min(1e9);
-    json!({"x_m": peak.at.x_m, "y_m": peak.at.y_m, "strength": peak.strength, "significance": significance})
+    json!({"x_m": peak.at.x_m, "y_m": peak.at.y_m, "strength": peak.strength, "significance": peak.significance})
 }
 
 /// Notes run and vehicle of a batch, the first time they are heard of.

@@ -17,7 +17,8 @@ use crate::geom::{Point, Rect};
 use super::bins::BinKey;
 use super::kriging::{Level, LevelField};
 use super::link::floor_dbm;
-use super::path_loss::{ExponentPrior, PathLoss, spread_db};
+use super::path_loss::{ExponentPrior, LawBasis, PathLoss, spread_db};
+use super::ring::side_tolerance_m;
 use super::settings::{ImagingSettings, NoiseModel};
 use super::weights::{WeightModel, WeightRows};
 use super::{Image, Link};
@@ -105,13 +106,18 @@ pub(super) fn calibrate_around(
     structure: Option<&Image>,
     settings: &ImagingSettings,
 ) -> Calibrated {
-    let all = now.iter().chain(empty.unwrap_or_default());
-    let sensitivity_dbm = floor_dbm(all, settings.noise.sensitivity_dbm);
+    let all = || now.iter().chain(empty.unwrap_or_default());
+    let sensitivity_dbm = floor_dbm(all(), settings.noise.sensitivity_dbm);
     let noise = NoiseModel {
         sensitivity_dbm,
         ..settings.noise
     };
-    let settings = &ImagingSettings { noise, ..*settings };
+    let tolerance_m = side_tolerance_m(all(), settings.ring, settings.side_tolerance_m);
+    let settings = &ImagingSettings {
+        noise,
+        side_tolerance_m: tolerance_m,
+        ..*settings
+    };
     let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
     let sweep = empty.map(|links| {
         let is_driven = are_driven(links, now);
@@ -360,7 +366,11 @@ fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss>
     let is_free = |link: &&Link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m);
     let free: Vec<Link> = usable.iter().filter(is_free).copied().collect();
     if free.len() >= FEWEST_FREE {
-        return PathLoss::fit(&free, settings.exponent);
+        let law = PathLoss::fit(&free, settings.exponent)?;
+        return Some(PathLoss {
+            basis: LawBasis::Sides,
+            ..law
+        });
     }
     let held = ExponentPrior {
         sd: settings.exponent.sd.min(1e-3),
@@ -656,6 +666,59 @@ mod tests {
                 .iter()
                 .all(|seen| (seen.attenuation_db - 15.0).abs() < 0.2)
         );
+    }
+
+    /// Links of a ring of 5 m with a person inside, each end moved by up to `jitter_m`; one vehicle stood outside once.
+    fn ring_of_5_m(jitter_m: f64, has_stray: bool) -> Vec<Link> {
+        let noise = |k: u32| 2.0 * (f64::from(k) * 0.618_034).fract() - 1.0;
+        let place = |k: u32| {
+            let along_m = f64::from(k % 80) * 0.25;
+            let at_m = along_m % 5.0;
+            let (x_m, y_m) = match along_m / 5.0 {
+                side if side < 1.0 => (at_m, 0.0),
+                side if side < 2.0 => (5.0, at_m),
+                side if side < 3.0 => (5.0 - at_m, 5.0),
+                _ => (0.0, 5.0 - at_m),
+            };
+            let (dx_m, dy_m) = (noise(k + 1), noise(13 * k + 5));
+            match has_stray && k == 8 {
+                true => Point::new(x_m, y_m - 5.0),
+                false => Point::new(x_m + jitter_m * dx_m, y_m + jitter_m * dy_m),
+            }
+        };
+        let one = |k: u32| {
+            let (from, to) = (place(k % 80), place((k + 7 + 2 * (k / 80)) % 80));
+            let is_across = !runs_along_a_side(
+                &Link::fixed(from, to, 10, 0.0),
+                Rect::new(Point::default(), Point::new(5.0, 5.0)),
+                0.3,
+            );
+            let lost_db = if is_across { 10.0 } else { 0.0 };
+            let strength_dbm = -40.0 - 2.0 * spread_db(from.distance_to(to).max(0.1)) - lost_db;
+            Link::fixed(from, to, 10, strength_dbm)
+        };
+        (0..800).map(one).collect()
+    }
+
+    #[test]
+    fn a_stray_place_and_jitter_leave_the_links_along_the_sides_the_reference() {
+        for (jitter_m, has_stray) in [(0.0, false), (0.0, true), (0.2, false), (0.2, true)] {
+            let links = ring_of_5_m(jitter_m, has_stray);
+            let area = Rect::around(links.iter().flat_map(|link| [link.from, link.to])).unwrap();
+            let settings = ImagingSettings {
+                ring: super::super::ring_of(links.iter()).unwrap(),
+                ..ImagingSettings::for_area(area)
+            };
+            let got = calibrate(&links, None, &settings);
+            let law = got.path_loss.unwrap();
+            let case = (jitter_m, has_stray);
+            assert_eq!(law.basis, LawBasis::Sides, "{case:?}: {law:?}");
+            assert!(law.links >= 40, "{case:?}: {law:?}");
+            let lost = got.observations.iter().map(|seen| seen.attenuation_db);
+            let mut off: Vec<f64> = lost.map(|db| (db - 10.0).abs()).collect();
+            off.sort_by(f64::total_cmp);
+            assert!(off[off.len() / 2] < 1.0, "{case:?}: {}", off[off.len() / 2]);
+        }
     }
 
     #[test]

@@ -5,6 +5,15 @@ use serde::{Deserialize, Serialize};
 use super::Link;
 use super::student::{self, DEGREES};
 
+/// Which links of a sweep a law was fitted to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum LawBasis {
+    /// Those along the sides of the ring, with nothing in between.
+    Sides,
+    /// All that there are, or all that are long enough where too few run along the sides.
+    All,
+}
+
 /// Path loss, and how well it is known.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PathLoss {
@@ -22,6 +31,8 @@ pub struct PathLoss {
     pub residual_db: f64,
     /// Links that were fitted.
     pub links: usize,
+    /// Which these are.
+    pub basis: LawBasis,
 }
 
 /// What is believed of the exponent before fitting.
@@ -99,6 +110,7 @@ impl PathLoss {
             exponent_sd: fitted.exponent_sd,
             residual_db,
             links: points.len(),
+            basis: LawBasis::All,
         })
     }
 }

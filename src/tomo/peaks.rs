@@ -1,7 +1,10 @@
 //! Where objects stand: the strongest places of an image.
 //!
-//! Greedy with non-maximum suppression; the local centroid says where in the highest pixel a peak lies. How many peaks are
+//! A peak is a pixel that none of its eight neighbours exceeds; equal ones that touch are one peak. The strongest are taken
+//! first, and none too near to one of them; the local centroid says where in the highest pixel a peak lies. How many peaks are
 //! objects is the caller's decision; each peak says how far it stands out of the image's noise.
+
+use std::cmp::Ordering;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,8 +19,9 @@ pub struct Peak {
     pub at: Point,
     /// The highest pixel, dB/m.
     pub strength: f64,
-    /// The strength over the image's robust noise level (1.4826 times the median absolute value inside the rim).
-    pub significance: f64,
+    /// The strength over the image's robust noise level (1.4826 times the median absolute value inside the rim); `None` where
+    /// that is zero, as in an image that is empty nearly everywhere.
+    pub significance: Option<f64>,
 }
 
 /// Ratio of a peak to the image's noise under which it is faint, and no find. Over 240 seeds of the default scenario 4.2
@@ -28,7 +32,7 @@ pub const SIGNIFICANT: f64 = 4.2;
 impl Peak {
     /// Returns whether it may well be noise, see [`SIGNIFICANT`].
     pub fn is_faint(&self) -> bool {
-        self.significance < SIGNIFICANT
+        self.significance.is_some_and(|ratio| ratio < SIGNIFICANT)
     }
 }
 
@@ -46,38 +50,104 @@ pub struct PeakSettings {
 /// Returns the peaks, strongest first; only positive ones.
 pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
     let inner = image.grid.area.shrunk(settings.rim_m);
+    let is_inside = |pixel: usize| inner.contains(image.grid.centre(pixel));
     let mut open: Vec<usize> = (0..image.grid.len())
-        .filter(|pixel| inner.contains(image.grid.centre(*pixel)))
+        .filter(|pixel| is_inside(*pixel))
         .collect();
     let noise = noise_level(
         open.iter()
             .map(|pixel| image.values[*pixel].abs())
             .collect(),
     );
-    let mut found = Vec::new();
-    while found.len() < settings.limit {
-        let highest = open.iter().copied().max_by(|a, b| {
-            // The first of equal pixels wins, so that the answer does not depend on the search.
-            image.values[*a].total_cmp(&image.values[*b]).then(b.cmp(a))
-        });
-        let Some(highest) = highest.filter(|pixel| image.values[*pixel] > 0.0) else {
-            break;
-        };
+    let mut summits: Vec<usize> = summits(image)
+        .into_iter()
+        .filter_map(|mut level| {
+            level.retain(|pixel| is_inside(*pixel) && image.values[*pixel] > 0.0);
+            middle(image, &level)
+        })
+        .collect();
+    // Of equal ones the first comes first, so that the answer does not depend on the search.
+    summits.sort_by(|a, b| image.values[*b].total_cmp(&image.values[*a]).then(a.cmp(b)));
+    let mut found: Vec<Peak> = Vec::new();
+    let mut centres: Vec<Point> = Vec::new();
+    for highest in summits {
         let (centre, strength) = (image.grid.centre(highest), image.values[highest]);
+        let is_near = |other: &Point| other.distance_to(centre) < settings.separation_m;
+        if found.len() == settings.limit {
+            break;
+        }
+        if centres.iter().any(is_near) {
+            continue;
+        }
         let radius_m = settings.separation_m / 2.0;
         let centroid = centroid(image, &open, centre, radius_m, strength);
         found.push(Peak {
             at: within_pixel(image, centre, centroid),
             strength,
-            significance: if noise > 0.0 {
-                strength / noise
-            } else {
-                f64::MAX
-            },
+            significance: (noise > 0.0).then(|| strength / noise),
         });
+        centres.push(centre);
         open.retain(|pixel| image.grid.centre(*pixel).distance_to(centre) >= settings.separation_m);
     }
     found
+}
+
+/// Returns the pixels that no neighbour exceeds; equal ones that touch are one summit.
+fn summits(image: &Image) -> Vec<Vec<usize>> {
+    let values = &image.values;
+    let mut is_seen = vec![false; values.len()];
+    let mut summits = Vec::new();
+    for first in 0..values.len() {
+        if is_seen[first] {
+            continue;
+        }
+        is_seen[first] = true;
+        let (mut level, mut looked_at, mut is_summit) = (vec![first], 0, true);
+        while let Some(pixel) = level.get(looked_at).copied() {
+            looked_at += 1;
+            for neighbour in neighbours(image, pixel) {
+                match values[neighbour].total_cmp(&values[first]) {
+                    Ordering::Greater => is_summit = false,
+                    Ordering::Equal if !is_seen[neighbour] => {
+                        is_seen[neighbour] = true;
+                        level.push(neighbour);
+                    }
+                    Ordering::Equal | Ordering::Less => {}
+                }
+            }
+        }
+        if is_summit {
+            level.sort_unstable();
+            summits.push(level);
+        }
+    }
+    summits
+}
+
+/// Returns the pixel that is nearest to the middle of some, the first of several.
+fn middle(image: &Image, pixels: &[usize]) -> Option<usize> {
+    let count = pixels.len() as f64;
+    let centre = |pixel: &usize| image.grid.centre(*pixel);
+    let (x_m, y_m) = pixels
+        .iter()
+        .map(centre)
+        .fold((0.0, 0.0), |sum, at| (sum.0 + at.x_m, sum.1 + at.y_m));
+    let middle = Point::new(x_m / count, y_m / count);
+    let away_m = |pixel: &usize| centre(pixel).distance_to(middle);
+    pixels
+        .iter()
+        .copied()
+        .min_by(|a, b| away_m(a).total_cmp(&away_m(b)))
+}
+
+/// Returns the up to eight pixels around one.
+fn neighbours(image: &Image, pixel: usize) -> impl Iterator<Item = usize> {
+    let (columns, rows) = (image.grid.columns, image.grid.rows);
+    let (column, row) = (pixel % columns, pixel / columns);
+    let around = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+    around(row, rows)
+        .flat_map(move |row| around(column, columns).map(move |column| row * columns + column))
+        .filter(move |other| *other != pixel)
 }
 
 /// Returns the centroid of what rises above half the strength around a pixel.
@@ -164,7 +234,7 @@ mod tests {
             "{:?}",
             found[1]
         );
-        assert!(found[1].significance > 20.0);
+        assert!(found[1].significance.unwrap() > 20.0);
     }
 
     #[test]
@@ -201,6 +271,50 @@ mod tests {
                 "towards the ridge: {off:?}"
             );
         }
+    }
+
+    #[test]
+    fn what_rises_towards_a_peak_is_no_peak_of_its_own() {
+        // A hill so wide that its slope outside of the separation is higher than all else.
+        let mut image = image_with(&[]);
+        for pixel in 0..image.grid.len() {
+            let away_m = image.grid.centre(pixel).distance_to(Point::new(10.0, 5.0));
+            image.values[pixel] = 5.0 - 0.2 * away_m;
+        }
+        let many = PeakSettings {
+            limit: 5,
+            ..SETTINGS
+        };
+        assert_eq!(peaks(&image, many).len(), 1);
+        // What rises into the rim has its peak there, if anywhere.
+        for pixel in 0..image.grid.len() {
+            image.values[pixel] = image.grid.centre(pixel).x_m;
+        }
+        assert!(peaks(&image, many).is_empty());
+    }
+
+    #[test]
+    fn a_plateau_is_one_peak_in_its_middle() {
+        let mut image = image_with(&[]);
+        image.values.fill(0.0);
+        for pixel in 0..image.grid.len() {
+            let at = image.grid.centre(pixel);
+            if (4.0..16.0).contains(&at.x_m) && (3.0..7.0).contains(&at.y_m) {
+                image.values[pixel] = 1.0;
+            }
+        }
+        let many = PeakSettings {
+            limit: 5,
+            ..SETTINGS
+        };
+        let found = peaks(&image, many);
+        assert_eq!(found.len(), 1);
+        assert!(
+            found[0].at.distance_to(Point::new(10.0, 5.0)) < 0.5,
+            "{found:?}"
+        );
+        assert_eq!(found[0].significance, None);
+        assert!(!found[0].is_faint());
     }
 
     #[test]

@@ -115,20 +115,47 @@ impl Volume {
     }
 }
 
-/// Reconstructs a volume; links that do not touch it are passed over. `None` when none does, when there are too many, or when
-/// the numbers leave no answer.
+/// Why there is no volume.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum VolumeError {
+    /// The grid has more than [`MOST_VOXELS`].
+    #[error("more than {MOST_VOXELS} voxels")]
+    TooManyVoxels,
+    /// No link touches the volume.
+    #[error("no link touches the volume")]
+    NoLinks,
+    /// More than [`MOST_VOLUME_LINKS`] touch it.
+    #[error("{links} links, expected at most {MOST_VOLUME_LINKS}")]
+    TooManyLinks {
+        /// So many do.
+        links: usize,
+    },
+    /// The numbers of the links leave no answer.
+    #[error("the numbers of the links leave no answer")]
+    NoAnswer,
+}
+
+/// Reconstructs a volume; links that do not touch it are passed over.
+///
+/// # Errors
+/// [`VolumeError`].
 pub fn reconstruct_volume(
     links: &[VolumeLink],
     grid: VoxelGrid,
     prior: VolumePrior,
-) -> Option<Volume> {
+) -> Result<Volume, VolumeError> {
+    if grid.voxels() > MOST_VOXELS {
+        return Err(VolumeError::TooManyVoxels);
+    }
     let rows: Vec<(VolumeLink, Vec<(usize, f64)>)> = links
         .iter()
         .map(|link| (*link, voxels_of(link, &grid)))
         .filter(|(_, row)| !row.is_empty())
         .collect();
-    if rows.is_empty() || rows.len() > MOST_VOLUME_LINKS || grid.voxels() > MOST_VOXELS {
-        return None;
+    match rows.len() {
+        0 => return Err(VolumeError::NoLinks),
+        links if links > MOST_VOLUME_LINKS => return Err(VolumeError::TooManyLinks { links }),
+        _ => {}
     }
     let covariance = Covariance::new(&grid, prior);
     let gram = gram(&rows, &covariance);
@@ -138,7 +165,7 @@ pub fn reconstruct_volume(
     for _ in 0..ROUNDS {
         let noise = |i: usize| rows[i].0.sd_db * rows[i].0.sd_db / trusts[i];
         let entry = |i: usize, j: usize| gram[i][j] + if i == j { noise(i) } else { 0.0 };
-        let factor = Cholesky::of(rows.len(), entry)?;
+        let factor = Cholesky::of(rows.len(), entry).ok_or(VolumeError::NoAnswer)?;
         dual = rows.iter().map(|(link, _)| link.attenuation_db).collect();
         factor.solve(&mut dual);
         // What is left of y is S α.
@@ -159,7 +186,7 @@ pub fn reconstruct_volume(
         .iter()
         .map(|residual| residual * residual)
         .sum();
-    Some(Volume {
+    Ok(Volume {
         grid,
         values: covariance.times(&weighted),
         residual_rms_db: (squares / rows.len() as f64).sqrt(),
@@ -430,7 +457,13 @@ mod tests {
             attenuation_db: 3.0,
             sd_db: 1.0,
         };
-        assert_eq!(reconstruct_volume(&[far], GRID, PRIOR), None);
-        assert_eq!(reconstruct_volume(&[], GRID, PRIOR), None);
+        assert_eq!(
+            reconstruct_volume(&[far], GRID, PRIOR),
+            Err(VolumeError::NoLinks)
+        );
+        assert_eq!(
+            reconstruct_volume(&[], GRID, PRIOR),
+            Err(VolumeError::NoLinks)
+        );
     }
 }

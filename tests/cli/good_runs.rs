@@ -221,7 +221,10 @@ fn the_links_of_a_run_give_its_images_again_and_all_are_accounted_for() {
         let dropped = json["links"]["dropped"].as_array().unwrap().iter();
         let dropped: u64 = dropped.map(|of| of["links"].as_u64().unwrap()).sum();
         for peak in json["peaks"].as_array().unwrap() {
-            let is_faint = peak["significance"].as_f64().unwrap() < 4.2;
+            // An image that is empty nearly everywhere has no noise to compare with.
+            let is_faint = peak["significance"]
+                .as_f64()
+                .is_some_and(|ratio| ratio < 4.2);
             assert_eq!(peak["is_faint"].as_bool(), Some(is_faint), "{peak}");
         }
         let faint = output.out.matches("it may be noise").count();

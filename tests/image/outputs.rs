@@ -165,8 +165,16 @@ fn an_empty_sweep_of_another_place_or_channel_is_refused() {
 fn what_makes_no_image_is_refused_with_the_reason() {
     let header = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm\n";
     let one = format!("{header}0,0,10,10,5,-60\n");
-    let words = ["one.csv: found 1 link, expected several"];
+    let words = ["one.csv: no link can be imaged"];
     check_refused(&[("one.csv", &one)], &["one.csv"], &words);
+    let short = "4,4,4.5,4.5,5,-60\n".repeat(3);
+    let used = format!(
+        "{header}0,1,10,9,5,-60\n0,0,10,0,5,-60\n0,10,10,10,5,-61\n0,0,0,10,5,-60\n{short}"
+    );
+    let words = [
+        "used.csv: found 1 link that can be imaged (left out: 1 too short, 3 along one side), expected several",
+    ];
+    check_refused(&[("used.csv", &used)], &["used.csv"], &words);
     let sides = format!("{header}0,0,10,0,5,-60\n0,10,10,10,5,-61\n0,0,0,10,5,-60\n");
     let words = ["sides.csv: no link can be imaged", "3 along one side"];
     check_refused(&[("sides.csv", &sides)], &["sides.csv"], &words);
@@ -315,6 +323,30 @@ fn a_volume_needs_several_links_that_the_empty_sweep_has_and_few_layers_in_its_p
     let many = ["now.csv", "--empty", "empty.csv", "--layers", "101"];
     let words = ["--png: found 101 layers, expected at most 100 in a picture"];
     check_refused(&files, &many, &words);
+    let fine = [
+        "now.csv",
+        "--empty",
+        "empty.csv",
+        "--layers",
+        "100",
+        "--pixels",
+        "50x40",
+    ];
+    let words = [
+        "found 50 x 40 x 100 = 200000 voxels, expected at most 131072: fewer --layers or --pixels",
+    ];
+    check_refused(&files, &fine, &words);
+    let beside = [
+        "now.csv",
+        "--empty",
+        "empty.csv",
+        "--layers",
+        "2",
+        "--area",
+        "90,90,99,99",
+    ];
+    let words = ["found no link through the volume"];
+    check_refused(&files, &beside, &words);
 }
 
 /// Nobody can write to a full device, and what is said there is lost.
@@ -414,4 +446,74 @@ fn marks_of_another_run_than_the_samples_are_refused() {
     check_refused(&files, &asked, &words);
     let folder = folder_with(&[("now.csv", &now), ("marks.csv", &of_run(2))]);
     assert!(tomoswarm(folder.path(), &asked).status.success());
+}
+
+#[test]
+fn a_sample_that_a_second_file_gives_again_counts_once() {
+    let keyed = |text: &str| -> String {
+        let line = |(number, line): (usize, &str)| match number {
+            0 => format!("vehicle,boot,sequence,{line}\n"),
+            number => format!("1,1,{number},{line}\n"),
+        };
+        text.lines().enumerate().map(line).collect()
+    };
+    let all = keyed(&samples(Some((6.0, 4.0)), 11));
+    let count = all.lines().count() - 1;
+    let first: String = all
+        .lines()
+        .take(9)
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let folder = folder_with(&[("now.csv", &all), ("first.csv", &first)]);
+    let image = |files: &[&str]| {
+        let options = ["--npy", "o.npy", "--json", "o.json", "--solver", "map"];
+        let output = tomoswarm(folder.path(), &[files, &options].concat());
+        assert!(output.status.success(), "{output:?}");
+        let values = fs::read(folder.path().join("o.npy")).unwrap();
+        let json = fs::read_to_string(folder.path().join("o.json")).unwrap();
+        let json: Value = serde_json::from_str(&json).unwrap();
+        let said = String::from_utf8(output.stdout).unwrap();
+        (values, json["links"]["repeated_samples"].as_u64(), said)
+    };
+    let (once, none, _) = image(&["now.csv"]);
+    let (again, left_out, said) = image(&["now.csv", "first.csv"]);
+    assert_eq!((none, left_out), (Some(0), Some(8)));
+    assert!(once == again, "the same image");
+    assert!(
+        said.contains("  8 samples left out: given already\n"),
+        "{said}"
+    );
+    assert!(said.starts_with(&format!("links: {count}")), "{said}");
+    let other = first.replacen(",11,-", ",11,-1", 1);
+    let files = [("now.csv", all.as_str()), ("other.csv", &other)];
+    let words = [
+        "other.csv:2: found sample 1 of vehicle 1, start 1, run 2 otherwise than in now.csv:2, expected the same again",
+    ];
+    check_refused(&files, &["now.csv", "other.csv"], &words);
+}
+
+#[test]
+fn a_sweep_that_is_its_own_empty_sweep_is_warned_of() {
+    let folder = folder_with(&[("now.csv", &sweep(None))]);
+    let arguments = ["now.csv", "--empty", "now.csv", "--solver", "map"];
+    let output = tomoswarm(folder.path(), &arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    let words = "warning: now.csv is given as the sweep and as its own empty sweep";
+    assert!(said.contains(words), "{said}");
+}
+
+#[test]
+fn an_output_that_is_a_hard_link_to_an_input_is_refused() {
+    let folder = folder_with(&[("now.csv", &sweep(None))]);
+    let path = |name: &str| folder.path().join(name);
+    fs::hard_link(path("now.csv"), path("o.json")).unwrap();
+    let output = tomoswarm(folder.path(), &["now.csv", "--json", "o.json"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("o.json: is to be written, but is an input"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(path("o.json")).unwrap(), sweep(None));
 }

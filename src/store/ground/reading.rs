@@ -106,8 +106,11 @@ struct PeakRow {
     x_m: f64,
     y_m: f64,
     strength: f64,
-    significance: f64,
+    significance: Option<f64>,
 }
+
+/// What stores of before say for a peak of an image without noise to compare with.
+const NO_NOISE: f64 = 1e9;
 
 impl GroundStore {
     /// Returns all that a station needs to go on.
@@ -434,7 +437,7 @@ impl GroundStore {
                  }| Peak {
                     at: Point::new(x_m, y_m),
                     strength,
-                    significance,
+                    significance: significance.filter(|ratio| *ratio < NO_NOISE),
                 },
             )
             .collect();

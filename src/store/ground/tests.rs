@@ -313,7 +313,7 @@ fn picture(laps: usize) -> ReconstructedImage {
     let peaks = vec![Peak {
         at: Point::new(0.3, 1.1),
         strength: 2.0,
-        significance: 8.0,
+        significance: Some(8.0),
     }];
     let find = Find {
         at: Point::new(0.31, 1.12),

@@ -95,8 +95,16 @@ impl Choice {
             )
         };
         let others: Vec<String> = others.map(other).collect();
+        let own = self
+            .scores
+            .iter()
+            .find(|score| score.candidate == self.best && score.behind > 0.0);
+        let own = own.map_or(String::new(), |score| {
+            let (behind, sd) = (score.behind, score.behind_sd);
+            format!(" (itself {behind:.4} ± {sd:.4}, and preferred so near)")
+        });
         format!(
-            "solver: {}, by the likelihood of links that it was not told; behind the best by (a link): {}",
+            "solver: {}{own}, by the likelihood of links that it was not told; behind the best by (a link): {}",
             self.best.words(),
             others.join(", ")
         )
@@ -125,39 +133,62 @@ pub(super) fn choose(
     let highest = (0..means.len())
         .max_by(|a, b| means[*a].total_cmp(&means[*b]).then(b.cmp(a)))
         .unwrap_or(0);
-    let score = |k: usize| {
-        let steps = likelihoods[highest].iter().zip(&likelihoods[k]);
-        let steps: Vec<f64> = steps.map(|(best, own)| best - own).collect();
-        let behind = mean(&steps);
-        let squares = steps.iter().map(|step| (step - behind) * (step - behind));
-        let count = steps.len().max(1) as f64;
-        Score {
-            candidate: list[k],
-            likelihood: means[k],
-            behind,
-            behind_sd: squares.sum::<f64>().sqrt() / count,
-        }
+    let scores_against = |reference: usize| -> Vec<Score> {
+        let score = |k: usize| {
+            let (behind, behind_sd) = behind(&likelihoods[reference], &likelihoods[k]);
+            Score {
+                candidate: list[k],
+                likelihood: means[k],
+                behind,
+                behind_sd,
+            }
+        };
+        (0..means.len()).map(score).collect()
     };
-    let scores: Vec<Score> = (0..means.len()).map(score).collect();
     let are_expected = persons.is_some_and(|persons| persons.are_expected);
-    let best = preferred(&scores, list[highest], are_expected);
-    Choice { best, scores }
+    Choice {
+        best: preferred(&scores_against, highest, are_expected),
+        scores: scores_against(highest),
+    }
 }
 
-/// Returns who is taken when one has the highest score: a tie goes to persons that are expected, and among total variations to
-/// the weakest; persons that are not must be clearly ahead.
-fn preferred(scores: &[Score], highest: Candidate, are_expected: bool) -> Candidate {
-    if highest == Candidate::Points && !are_expected {
-        let others = scores
-            .iter()
-            .filter(|score| score.candidate != Candidate::Points);
-        let next = others.min_by(|a, b| a.behind.total_cmp(&b.behind));
+/// Returns how far one is behind another on the mean, and the standard error of that.
+fn behind(ahead: &[f64], own: &[f64]) -> (f64, f64) {
+    let steps: Vec<f64> = ahead.iter().zip(own).map(|(a, b)| a - b).collect();
+    let behind = mean(&steps);
+    let squares = steps.iter().map(|step| (step - behind) * (step - behind));
+    (
+        behind,
+        squares.sum::<f64>().sqrt() / steps.len().max(1) as f64,
+    )
+}
+
+/// Returns who is taken when `highest` has the highest score: a tie goes to persons that are expected, and among total
+/// variations to the weakest; persons that are not must be clearly ahead, else the best of the others is the highest.
+/// `scores_against` returns how far all are behind one.
+fn preferred(
+    scores_against: &dyn Fn(usize) -> Vec<Score>,
+    highest: usize,
+    are_expected: bool,
+) -> Candidate {
+    let scores = scores_against(highest);
+    let best = scores[highest].candidate;
+    if best == Candidate::Points && !are_expected {
+        let others = (0..scores.len()).filter(|k| scores[*k].candidate != Candidate::Points);
+        let next = others.min_by(|a, b| scores[*a].behind.total_cmp(&scores[*b].behind));
         let is_clear = |next: &Score| next.behind > CLEARLY * next.behind_sd;
         return match next {
-            Some(next) if !is_clear(next) => next.candidate,
-            _ => highest,
+            Some(next) if !is_clear(&scores[next]) => {
+                tied(&scores_against(next), scores[next].candidate, are_expected)
+            }
+            _ => best,
         };
     }
+    tied(&scores, best, are_expected)
+}
+
+/// Returns who is taken of those that are behind the highest by less than can be told.
+fn tied(scores: &[Score], highest: Candidate, are_expected: bool) -> Candidate {
     let is_variation = |of: Candidate| matches!(of, Candidate::Variation(_));
     let may_win = |score: &&Score| match score.candidate {
         Candidate::Points => are_expected,
@@ -277,37 +308,80 @@ fn mean(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    const TV: Candidate = Candidate::Variation(Variation {
-        weight: 0.06,
-        sparsity: 4.0,
-    });
+    const TV: Candidate = variation(0.06);
 
-    fn scores(behind: [f64; 3]) -> Vec<Score> {
-        let list = [Candidate::Points, Candidate::NonNegative, TV];
-        let score = |(candidate, behind): (Candidate, f64)| Score {
-            candidate,
+    const fn variation(weight: f64) -> Candidate {
+        Candidate::Variation(Variation {
+            weight,
+            sparsity: 4.0,
+        })
+    }
+
+    /// Returns scores against a candidate; each differs from the others by its own `behind`, with a standard error of 0.01.
+    fn against(list: &[(Candidate, f64)], reference: usize) -> Vec<Score> {
+        let score = |(candidate, behind): &(Candidate, f64)| Score {
+            candidate: *candidate,
             likelihood: -2.0 - behind,
-            behind,
+            behind: behind - list[reference].1,
             behind_sd: 0.01,
         };
-        list.into_iter().zip(behind).map(score).collect()
+        list.iter().map(score).collect()
+    }
+
+    fn taken(list: &[(Candidate, f64)], are_expected: bool) -> Candidate {
+        let all = 0..list.len();
+        let highest = all
+            .min_by(|a, b| list[*a].1.total_cmp(&list[*b].1))
+            .unwrap();
+        preferred(&|reference| against(list, reference), highest, are_expected)
+    }
+
+    fn three(behind: [f64; 3]) -> Vec<(Candidate, f64)> {
+        let list = [Candidate::Points, Candidate::NonNegative, TV];
+        list.into_iter().zip(behind).collect()
     }
 
     #[test]
     fn persons_win_ties_in_a_change_and_must_be_clearly_ahead_elsewhere() {
-        let tie = scores([0.005, 0.2, 0.0]);
-        assert_eq!(preferred(&tie, TV, true), Candidate::Points);
-        assert_eq!(preferred(&tie, TV, false), TV);
-        let narrow = scores([0.0, 0.2, 0.015]);
-        assert_eq!(
-            preferred(&narrow, Candidate::Points, true),
-            Candidate::Points
+        let tie = three([0.005, 0.2, 0.0]);
+        assert_eq!(taken(&tie, true), Candidate::Points);
+        assert_eq!(taken(&tie, false), TV);
+        let narrow = three([0.0, 0.2, 0.015]);
+        assert_eq!(taken(&narrow, true), Candidate::Points);
+        assert_eq!(taken(&narrow, false), TV);
+        let clear = three([0.0, 0.2, 0.03]);
+        assert_eq!(taken(&clear, false), Candidate::Points);
+    }
+
+    #[test]
+    fn a_tie_goes_to_the_weakest_variation_also_where_persons_are_not_clearly_ahead() {
+        let of_variations = [(TV, 0.018), (variation(0.1), 0.012), (variation(2.0), 0.5)];
+        assert_eq!(taken(&of_variations, false), TV);
+        let with_persons = [&[(Candidate::Points, 0.0)][..], &of_variations].concat();
+        assert_eq!(taken(&with_persons, false), TV);
+        let apart = [
+            (Candidate::Points, 0.0),
+            (TV, 0.025),
+            (variation(0.1), 0.012),
+        ];
+        assert_eq!(taken(&apart, false), variation(0.1));
+    }
+
+    #[test]
+    fn the_words_say_by_how_much_the_chosen_one_is_behind_too() {
+        let words = |behind: [f64; 3], best: Candidate| {
+            let scores = against(&three(behind), 0);
+            Choice { best, scores }.words()
+        };
+        let said = words([0.0, 0.2, 0.015], TV);
+        assert!(
+            said.starts_with("solver: tv 0.06 (itself 0.0150 ± 0.0100, and preferred so near), by"),
+            "{said}"
         );
-        assert_eq!(preferred(&narrow, Candidate::Points, false), TV);
-        let clear = scores([0.0, 0.2, 0.03]);
-        assert_eq!(
-            preferred(&clear, Candidate::Points, false),
-            Candidate::Points
+        let said = words([0.0, 0.2, 0.03], Candidate::Points);
+        assert!(
+            said.starts_with("solver: points, by the likelihood"),
+            "{said}"
         );
     }
 }

@@ -4,6 +4,10 @@
 //!   least of ½ |S W x − d|² + weight · ∫ |∇x| dA + sparsity · ∫ x dA,   x ≥ 0
 //! ```
 //!
+//! The gradient stands at the corners of the pixels: of the four differences between the pixels around one, those along an
+//! axis count by half each. So a mirrored or turned sweep has the mirrored or turned image. At the border pixels go on beyond
+//! it, and a corner there counts by half.
+//!
 //! By the primal-dual method of Chambolle and Pock with the diagonal preconditioning of Pock and Chambolle (2011, lemma 2 with
 //! α = 1); no matrix is formed, and both variables stay for a warm start. The integrals make the weights independent of the
 //! pixels.
@@ -13,6 +17,9 @@ use serde::{Deserialize, Serialize};
 use super::robust::Linearised;
 use crate::geom::PixelGrid;
 use crate::tomo::weights::WeightRows;
+
+/// What a difference counts at each of its two corners, and a corner at the border.
+const HALF: f64 = 0.5;
 
 /// How much edges and attenuation itself cost.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -32,8 +39,9 @@ pub(super) struct PrimalDual<'a, const LANES: usize> {
     /// Sum of each row of the weights.
     row_sums: Vec<f64>,
     links: Vec<[f64; LANES]>,
-    /// Of the differences from west to east and from south to north.
-    edges: Vec<[[f64; LANES]; 2]>,
+    /// Of the corners of all pixels, row by row from the south: of the differences to the east, in the south and in the north
+    /// of the corner, and of those to the north, in its west and in its east.
+    corners: Vec<[[f64; LANES]; 4]>,
     ahead: Vec<[f64; LANES]>,
     back: Vec<[f64; LANES]>,
 }
@@ -53,7 +61,7 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
             variation,
             row_sums,
             links: vec![[0.0; LANES]; links],
-            edges: vec![[[0.0; LANES]; 2]; pixels],
+            corners: vec![[[0.0; LANES]; 4]; (grid.columns + 1) * (grid.rows + 1)],
             ahead: vec![[0.0; LANES]; pixels],
             back: vec![[0.0; LANES]; pixels],
         }
@@ -74,16 +82,17 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
         let grid = *self.grid;
         self.rows
             .there_and_back(images, &mut self.back, |l, _| problem.scale[l]);
-        let of_edges = 2.0 * (grid.dx_m() + grid.dy_m());
+        // A pixel has four corners, and at each of them a difference along either axis.
+        let of_corners = 4.0 * HALF.sqrt() * (grid.dx_m() + grid.dy_m());
         let columns = self.back.iter();
         let image_steps: Vec<[f64; LANES]> = columns
-            .map(|lanes| lanes.map(|column| 1.0 / (column + of_edges)))
+            .map(|lanes| lanes.map(|column| 1.0 / (column + of_corners)))
             .collect();
-        let edge_step = 1.0 / (2.0 * grid.dx_m().max(grid.dy_m()));
+        let corner_step = 1.0 / (2.0 * HALF.sqrt() * grid.dx_m().max(grid.dy_m()));
         self.ahead.copy_from_slice(images);
         for _ in 0..steps {
             self.step_links(problem);
-            self.step_edges(edge_step);
+            self.step_corners(corner_step);
             self.step_images(&image_steps, images);
         }
     }
@@ -110,57 +119,57 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
             });
     }
 
-    fn step_edges(&mut self, step: f64) {
+    /// Moves the dual variables of the corners, and adds to `back` what they draw at the pixels.
+    fn step_corners(&mut self, step: f64) {
         let (columns, rows) = (self.grid.columns, self.grid.rows);
-        let (east, north) = (self.grid.dy_m() * step, self.grid.dx_m() * step);
-        let most = self.variation.weight;
-        for row in 0..rows {
-            for column in 0..columns {
-                let here = row * columns + column;
-                let values = self.ahead[here];
-                // A lane is drawn to itself where there is no neighbour.
-                let right = if column + 1 < columns { here + 1 } else { here };
-                let above = if row + 1 < rows { here + columns } else { here };
-                let (to_right, to_above) = (self.ahead[right], self.ahead[above]);
-                let [x, y] = &mut self.edges[here];
+        let root = HALF.sqrt();
+        let (along_x, along_y) = (self.grid.dy_m() * root, self.grid.dx_m() * root);
+        let (step_x, step_y) = (along_x * step, along_y * step);
+        let whole = self.variation.weight;
+        for row in 0..=rows {
+            let (south, north) = (row.saturating_sub(1) * columns, row.min(rows - 1) * columns);
+            let of_row = if south == north { HALF } else { 1.0 };
+            for column in 0..=columns {
+                let (west, east) = (column.saturating_sub(1), column.min(columns - 1));
+                let most = whole * of_row * if west == east { HALF } else { 1.0 };
+                let pixels = [south + west, south + east, north + west, north + east];
+                let [sw, se, nw, ne] = pixels.map(|pixel| self.ahead[pixel]);
+                let [in_south, in_north, in_west, in_east] =
+                    &mut self.corners[row * (columns + 1) + column];
+                let mut drawn = [[0.0; LANES]; 4];
                 for lane in 0..LANES {
-                    x[lane] += east * (to_right[lane] - values[lane]);
-                    y[lane] += north * (to_above[lane] - values[lane]);
-                    let size = (x[lane] * x[lane] + y[lane] * y[lane]).sqrt();
+                    let x = in_south[lane] + step_x * (se[lane] - sw[lane]);
+                    let x_north = in_north[lane] + step_x * (ne[lane] - nw[lane]);
+                    let y = in_west[lane] + step_y * (nw[lane] - sw[lane]);
+                    let y_east = in_east[lane] + step_y * (ne[lane] - se[lane]);
+                    let size = ((x * x + x_north * x_north) + (y * y + y_east * y_east)).sqrt();
                     let share = if size > most { most / size } else { 1.0 };
-                    x[lane] *= share;
-                    y[lane] *= share;
+                    let (x, x_north) = (x * share, x_north * share);
+                    let (y, y_east) = (y * share, y_east * share);
+                    (in_south[lane], in_north[lane]) = (x, x_north);
+                    (in_west[lane], in_east[lane]) = (y, y_east);
+                    drawn[0][lane] = -along_x * x - along_y * y;
+                    drawn[1][lane] = along_x * x - along_y * y_east;
+                    drawn[2][lane] = along_y * y - along_x * x_north;
+                    drawn[3][lane] = along_x * x_north + along_y * y_east;
+                }
+                for (pixel, drawn) in pixels.into_iter().zip(drawn) {
+                    let back = &mut self.back[pixel];
+                    (0..LANES).for_each(|lane| back[lane] += drawn[lane]);
                 }
             }
         }
     }
 
     fn step_images(&mut self, steps: &[[f64; LANES]], images: &mut [[f64; LANES]]) {
-        let (columns, rows) = (self.grid.columns, self.grid.rows);
-        let (dx_m, dy_m) = (self.grid.dx_m(), self.grid.dy_m());
-        let constant = self.variation.sparsity * dx_m * dy_m;
-        for row in 0..rows {
-            for column in 0..columns {
-                let here = row * columns + column;
-                let [x, y] = &self.edges[here];
-                let before = match column {
-                    0 => [0.0; LANES],
-                    _ => self.edges[here - 1][0],
-                };
-                let below = match row {
-                    0 => [0.0; LANES],
-                    _ => self.edges[here - columns][1],
-                };
-                let (back, image, steps) = (&self.back[here], &mut images[here], &steps[here]);
-                let ahead = &mut self.ahead[here];
-                for lane in 0..LANES {
-                    let slope = back[lane] + constant
-                        - dy_m * (x[lane] - before[lane])
-                        - dx_m * (y[lane] - below[lane]);
-                    let next = (image[lane] - steps[lane] * slope).max(0.0);
-                    ahead[lane] = 2.0 * next - image[lane];
-                    image[lane] = next;
-                }
+        let constant = self.variation.sparsity * self.grid.dx_m() * self.grid.dy_m();
+        let pixels = images.iter_mut().zip(&mut self.ahead);
+        for (((image, ahead), back), steps) in pixels.zip(&self.back).zip(steps) {
+            for lane in 0..LANES {
+                let slope = back[lane] + constant;
+                let next = (image[lane] - steps[lane] * slope).max(0.0);
+                ahead[lane] = 2.0 * next - image[lane];
+                image[lane] = next;
             }
         }
     }
