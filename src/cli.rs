@@ -27,6 +27,8 @@ pub mod enroll;
 #[cfg(feature = "net")]
 mod enroll_advice;
 #[cfg(feature = "net")]
+mod enroll_checks;
+#[cfg(feature = "net")]
 mod enroll_files;
 pub mod error;
 pub mod experiment;

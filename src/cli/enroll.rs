@@ -2,18 +2,21 @@
 //! writes into FOLDER; nothing is copied to other machines, and nothing is left half written.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 use super::enroll_advice::{
     lists_said, moved_ground, planned_for, roster_advice, where_to_take_over, without_folders,
 };
-use super::enroll_files::{CA, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name, node_of};
+use super::enroll_checks::{
+    GivenOptions, check_apart, check_config, check_home, check_kept, check_reach,
+};
+use super::enroll_files::{CA, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name};
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
-use crate::config::{self, Endpoint, Topology, Venue};
+use crate::config::{Endpoint, Protocol, Topology, Venue};
 use crate::run::membership::FIRST_OPERATOR;
 use crate::run::trust::{CommonName, IssuedCertificate, NewFile, Roster, is_host};
 
@@ -159,6 +162,15 @@ pub enum EnrolledTopology {
     Star,
 }
 
+impl EnrolledTopology {
+    fn named(self) -> Topology {
+        match self {
+            EnrolledTopology::Mesh => Topology::Mesh,
+            EnrolledTopology::Star => Topology::Star,
+        }
+    }
+}
+
 /// A node that is to be enrolled, and where others reach it.
 pub(super) struct WantedNode {
     pub(super) node: Sender,
@@ -203,11 +215,31 @@ impl EnrollArgs {
             wanted
                 .iter()
                 .try_for_each(|wanted| check_reach(wanted.node, &wanted.hosts, &ground_host))?;
+            let all: Vec<(Sender, &[String])> = wanted
+                .iter()
+                .map(|wanted| (wanted.node, &wanted.hosts[..]))
+                .collect();
+            check_apart(&self.reached(&all, None))?;
             create_authority(&self.folder, &venue_text)?;
         }
         let swarm = Swarm::open(&self.folder)?;
         swarm.check_venue(&venue)?;
         let (next, issued) = self.issue(&swarm, &wanted)?;
+        let is_issued = |node| {
+            issued
+                .iter()
+                .any(|issued| issued.issued.entry.name.node == node)
+        };
+        self.check_options(&swarm, is_issued(Sender::Ground))?;
+        let mut reached = swarm.reached_nodes(&swarm.roster);
+        reached.retain(|(node, _)| !is_issued(*node));
+        let all: Vec<(Sender, &[String])> = issued
+            .iter()
+            .map(|issued| (issued.issued.entry.name.node, &issued.hosts[..]))
+            .collect();
+        let joined = swarm.joined(&swarm.roster).map(|(_, ground)| ground);
+        reached.extend(self.reached(&all, joined.as_ref()));
+        check_apart(&reached)?;
         if issued.is_empty() {
             let issue = swarm.roster.issue;
             let gone = without_folders(&swarm, &wanted);
@@ -409,12 +441,18 @@ impl EnrollArgs {
             true => read::text(&own_file)?,
             false => {
                 let config = self.config_of(swarm, node, hosts, next);
-                self.check_shape(swarm, &config)?;
                 check_reach(node, hosts, &config.ground_host)?;
                 config.text(venue)?
             }
         };
-        check_config(node, &own_file, &config, venue)?;
+        let read = check_config(node, &own_file, &config, venue)?;
+        if own_file.exists() {
+            let given = GivenOptions {
+                port: self.port,
+                state_dir: self.state_dir.as_deref(),
+            };
+            check_kept((node, &own_file), &read, hosts, &given)?;
+        }
         Ok(vec![
             NewFile::open(CA, swarm.authority.certificate_pem()),
             NewFile::open(CERTIFICATE, issued.certificate_pem.clone()),
@@ -424,21 +462,70 @@ impl EnrollArgs {
         ])
     }
 
-    /// Refuses a shape that is not the swarm's.
-    fn check_shape(&self, swarm: &Swarm, config: &NodeConfig) -> Result<(), CliError> {
+    /// Refuses options that say something else than the swarm's files; where the ground station is reached is its own to say.
+    fn check_options(&self, swarm: &Swarm, is_ground_new: bool) -> Result<(), CliError> {
         let word = |topology| match topology {
             Topology::Mesh => "mesh",
             Topology::Star => "star",
         };
-        let shape = swarm.joined(&swarm.roster).map(|(shape, _)| shape);
-        if let Some(shape) = shape.filter(|shape| *shape != config.topology) {
-            let (given, shape) = (word(config.topology), word(shape));
+        let Some((shape, ground)) = swarm.joined(&swarm.roster) else {
+            return Ok(());
+        };
+        let folder = self.folder.display();
+        let given = self.topology.map(EnrolledTopology::named);
+        if let Some(given) = given.filter(|given| *given != shape) {
+            let (given, shape) = (word(given), word(shape));
             return Err(CliError::Usage(format!(
-                "--topology {given}: the swarm is a {shape}, as the files in {} say; leave it out, or make a new swarm",
-                self.folder.display()
+                "--topology {given}: the swarm is a {shape}, as the files in {folder} say; leave it out, or make a new swarm"
+            )));
+        }
+        if is_ground_new {
+            return Ok(());
+        }
+        if let Some(port) = self.port.filter(|port| *port != ground.port) {
+            return Err(CliError::Usage(format!(
+                "--port {port}: the ground station is reached at {ground}, as the files in {folder} say; leave it out"
+            )));
+        }
+        let known = swarm.hosts_of(Sender::Ground);
+        let is_other = |host: &&String| known.as_ref().is_some_and(|known| !known.contains(host));
+        if let Some(host) = self.ground_host.as_ref().filter(is_other) {
+            let known = known.unwrap_or_default().join(", ");
+            return Err(CliError::Usage(format!(
+                "--ground-host {host}: the ground station's certificate is of {known}; one of them is expected"
             )));
         }
         Ok(())
+    }
+
+    /// Returns where others reach nodes that are to be enrolled.
+    fn reached(
+        &self,
+        wanted: &[(Sender, &[String])],
+        joined: Option<&Endpoint>,
+    ) -> Vec<(Sender, Endpoint)> {
+        let port = self
+            .port
+            .or(joined.map(|ground| ground.port))
+            .unwrap_or(DEFAULT_PORT);
+        let is_reached = |(node, _): &&(Sender, &[String])| !matches!(node, Sender::Operator(_));
+        let endpoint = |(node, hosts): &(Sender, &[String])| {
+            let host = hosts.iter().find(|host| is_far(host))?.clone();
+            let protocol = Protocol::Tls;
+            Some((
+                *node,
+                Endpoint {
+                    protocol,
+                    host,
+                    port,
+                },
+            ))
+        };
+        wanted
+            .iter()
+            .filter(is_reached)
+            .filter_map(endpoint)
+            .collect()
     }
 
     /// Returns the host under which the ground station is reached: as it is given, as the swarm's files say, or this machine.
@@ -462,59 +549,18 @@ impl EnrollArgs {
         let state_dir = format!("/var/lib/tomoswarm/{}", CommonName::node_name(node));
         NodeConfig {
             node,
-            topology: match self.topology {
-                Some(EnrolledTopology::Mesh) => Topology::Mesh,
-                Some(EnrolledTopology::Star) => Topology::Star,
-                None => shape.unwrap_or(Topology::Mesh),
-            },
+            topology: self
+                .topology
+                .map(EnrolledTopology::named)
+                .or(shape)
+                .unwrap_or(Topology::Mesh),
             is_reached: hosts.iter().any(|host| is_far(host)) || is_far(&ground_host),
+            has_host: hosts.iter().any(|host| is_far(host)),
             ground_host,
             port: port.unwrap_or(DEFAULT_PORT),
             state_dir: self.state_dir.clone().unwrap_or(state_dir),
             vehicles: vehicles_of(roster),
             reached: swarm.reached(roster),
         }
-    }
-}
-
-/// Refuses a configuration that `tomoswarm check` would refuse, and that of another node.
-fn check_config(node: Sender, path: &Path, text: &str, venue: &str) -> Result<(), CliError> {
-    let config = config::read(&read::shown(path), text, &mut |_| Ok(venue.to_owned()))?;
-    match node_of(&config) {
-        Some(found) if found == node => Ok(()),
-        found => {
-            let found = found.map_or("no node".to_owned(), CommonName::node_name);
-            let wanted = CommonName::node_name(node);
-            let reason = format!("is the configuration of {found}; that of {wanted} is expected");
-            Err(CliError::Input {
-                path: path.to_owned(),
-                reason,
-            })
-        }
-    }
-}
-
-/// Refuses a vehicle of another machine that would look for the ground station on its own. The hosts of an operator are those of
-/// its page, and say nothing of where it stands.
-fn check_reach(node: Sender, hosts: &[String], ground_host: &str) -> Result<(), CliError> {
-    let far = hosts.iter().find(|host| is_far(host));
-    let Some(host) = far.filter(|_| matches!(node, Sender::Vehicle(_)) && !is_far(ground_host))
-    else {
-        return Ok(());
-    };
-    let name = CommonName::node_name(node);
-    Err(CliError::Usage(format!(
-        "{name} is on another machine ({host}), where {ground_host} is that machine itself; the host under which it reaches \
-         the ground station is expected: --ground HOST, or --ground-host HOST"
-    )))
-}
-
-fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
-    let homes = venue.homes.len();
-    match node {
-        Sender::Vehicle(id) if usize::from(id.0) > homes => Err(CliError::Usage(format!(
-            "vehicle {id}: has no home, the venue has {homes} of them"
-        ))),
-        Sender::Vehicle(_) | Sender::Ground | Sender::Operator(_) => Ok(()),
     }
 }

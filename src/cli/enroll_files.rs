@@ -30,6 +30,8 @@ pub(super) struct NodeConfig {
     pub port: u16,
     /// Whether other machines are to reach this node.
     pub is_reached: bool,
+    /// Whether it has a host of its own, beside its own machine's.
+    pub has_host: bool,
     /// The folder that outlives the node.
     pub state_dir: String,
     /// The vehicles that are enrolled.
@@ -203,7 +205,7 @@ impl NodeConfig {
         // Several nodes of one machine cannot all have the same port.
         let is_fixed = match self.node {
             Sender::Ground => true,
-            Sender::Vehicle(_) => self.is_reached,
+            Sender::Vehicle(_) => self.has_host,
             Sender::Operator(_) => false,
         };
         let port = if is_fixed { self.port } else { 0 };

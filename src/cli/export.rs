@@ -38,6 +38,7 @@ const FAMILY: FileFamily = FileFamily {
         "export.json",
     ],
     mark: Some(("export.json", "\"starts\": ")),
+    has_folders: false,
 };
 
 /// Write what a ground station's store holds: CSV, NPY, PNG with world files, GeoJSON.

@@ -32,6 +32,8 @@ pub(super) struct FileFamily {
     /// The file by which a folder is known to hold what the command has written, and a text in it: every run writes it.
     /// `None` = files of these names are replaced, whosever they are.
     pub mark: Option<(&'static str, &'static str)>,
+    /// Whether a run leaves the folders `flight` and `live` as well; who does not leaves those of others alone.
+    pub has_folders: bool,
 }
 
 impl FileFamily {
@@ -46,12 +48,18 @@ impl FileFamily {
     fn refuse_foreign_named<'a>(
         &self,
         folder: &Path,
-        mut names: impl Iterator<Item = &'a str>,
+        names: impl Iterator<Item = &'a str>,
     ) -> Result<(), CliError> {
         let Some((mark, says)) = self.mark else {
             return Ok(());
         };
-        let Some(found) = names.find(|name| folder.join(name).is_file()) else {
+        // A link that leads nowhere is somebody's as well; a folder is refused at the end, as one in the way.
+        let is_there = |path: &Path| path.symlink_metadata().is_ok() && !path.is_dir();
+        let found = names
+            .map(|name| folder.join(name))
+            .find(|path| is_there(path));
+        let recording = || recordings_in(&folder.join(FLIGHT)).into_iter().next();
+        let Some(found) = found.or_else(|| recording().filter(|_| self.has_folders)) else {
             return Ok(());
         };
         let text = fs::read(folder.join(mark)).unwrap_or_default();
@@ -61,7 +69,7 @@ impl FileFamily {
         let refused = "this file is not of an earlier run, and would be replaced or removed; \
              move it away, or choose another folder";
         Err(CliError::Write {
-            path: folder.join(found),
+            path: found,
             source: io::Error::other(refused),
         })
     }
@@ -99,7 +107,12 @@ impl OutputFolder {
                 "something else is there; a folder is expected",
             )));
         }
-        if is_foreign_live(&target.join(LIVE)) {
+        if family.has_folders && target.join(FLIGHT).is_symlink() {
+            return Err(fail(io::Error::other(
+                "it holds a link `flight`; what that leads to is left alone",
+            )));
+        }
+        if family.has_folders && is_foreign_live(&target.join(LIVE)) {
             return Err(fail(io::Error::other(
                 "it holds a folder `live` that is not of a run",
             )));
@@ -225,10 +238,12 @@ impl OutputFolder {
         {
             fs::remove_file(&path).map_err(|source| fail(&path, source))?;
         }
-        self.publish_recordings()
-            .map_err(|source| fail(&self.target.join(FLIGHT), source))?;
-        self.publish_live()
-            .map_err(|source| fail(&self.target.join(LIVE), source))?;
+        if self.family.has_folders {
+            self.publish_recordings()
+                .map_err(|source| fail(&self.target.join(FLIGHT), source))?;
+            self.publish_live()
+                .map_err(|source| fail(&self.target.join(LIVE), source))?;
+        }
         Ok(self.target.clone())
     }
 
@@ -344,6 +359,14 @@ fn open_stage(place: &Path) -> io::Result<(PathBuf, File)> {
     }
 }
 
+/// Returns whether the process lives that has made a stage; where nobody can know, it does.
+fn is_running(stage: &Path) -> bool {
+    let name = stage.file_name().unwrap_or_default().to_string_lossy();
+    let process = name.strip_prefix(STAGE).unwrap_or_default();
+    let processes = Path::new("/proc");
+    !processes.join("self").exists() || processes.join(process).exists()
+}
+
 /// Removes the stages of runs that were killed. It is no matter for this run when that fails.
 fn remove_abandoned(place: &Path) {
     let is_stage = |name: &OsStr| name.to_string_lossy().starts_with(STAGE);
@@ -352,7 +375,11 @@ fn remove_abandoned(place: &Path) {
         .filter(|entry| is_stage(&entry.file_name()))
         .map(|entry| entry.path())
     {
-        let is_abandoned = File::open(stage.join(LOCK)).is_ok_and(|lock| lock.try_lock().is_ok());
+        let is_abandoned = match File::open(stage.join(LOCK)) {
+            Ok(lock) => lock.try_lock().is_ok(),
+            // Whoever removed it was killed after the lock had gone, or makes one just now.
+            Err(_) => !is_running(&stage),
+        };
         if is_abandoned {
             let _ = fs::remove_dir_all(&stage);
         }
@@ -366,6 +393,7 @@ mod tests {
     const FAMILY: FileFamily = FileFamily {
         names: &["a.txt", "b.txt"],
         mark: None,
+        has_folders: true,
     };
 
     fn prepare(target: &Path) -> Result<OutputFolder, CliError> {
@@ -421,6 +449,7 @@ mod tests {
         const MARKED: FileFamily = FileFamily {
             names: &["a.txt", "b.txt"],
             mark: Some(("b.txt", "of a run")),
+            has_folders: true,
         };
         let root = tempfile::tempdir().unwrap();
         let prepare = || OutputFolder::prepare(root.path(), MARKED);
@@ -439,6 +468,31 @@ mod tests {
         folder.write("b.txt", b"of a run again").unwrap();
         folder.publish().unwrap();
         assert_eq!(listed(root.path()), ["b.txt"]);
+        // Recordings that no run has made here, and what others than runs leave alone.
+        let mine = tempfile::tempdir().unwrap();
+        let recording = mine.path().join("flight/vehicle-1/flight-1.mcap");
+        fs::create_dir_all(recording.parent().unwrap()).unwrap();
+        fs::write(&recording, b"mine").unwrap();
+        let words = OutputFolder::prepare(mine.path(), MARKED)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            words.contains("flight-1.mcap: cannot be written"),
+            "{words}"
+        );
+        let without = FileFamily {
+            has_folders: false,
+            ..MARKED
+        };
+        let folder = OutputFolder::prepare(mine.path(), without).unwrap();
+        folder.publish().unwrap();
+        assert!(recording.is_file());
+        #[cfg(unix)]
+        {
+            let link = mine.path().join("a.txt");
+            std::os::unix::fs::symlink("/nowhere/x", &link).unwrap();
+            assert!(OutputFolder::prepare(mine.path(), without).is_err());
+        }
     }
 
     #[test]

@@ -27,6 +27,7 @@ use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side, side_tolerance
 pub(super) const FAMILY: FileFamily = FileFamily {
     names: FAMILY_NAMES,
     mark: Some(("summary.json", "\"made_from\": ")),
+    has_folders: true,
 };
 const FAMILY_NAMES: &[&str] = &[
     "links.csv",
@@ -347,7 +348,7 @@ fn silence_in_words(silence: &Silence) -> String {
         false => "sweep",
     };
     format!(
-        "warning           no beacon was heard between any two vehicles from {:.0} to {:.0} s, {:.1} min of the {sweep}\n",
+        "warning           the ground station has no beacon that a vehicle heard of another from {:.0} to {:.0} s, {:.1} min of the {sweep}\n",
         from.as_secs_f64(),
         until.as_secs_f64(),
         until.since(*from).as_secs_f64() / 60.0

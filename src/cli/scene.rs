@@ -21,6 +21,7 @@ use crate::sim::staging;
 const FAMILY: FileFamily = FileFamily {
     names: &["plan.png", "view.png"],
     mark: None,
+    has_folders: false,
 };
 /// The height of the plan where no range sensor is known, metres.
 const PLAN_M: f64 = 0.3;
@@ -110,7 +111,8 @@ impl SceneArgs {
     }
 
     fn look(&self, depicted: &LoadedScene) -> SceneView {
-        let sensor_m = depicted.sim.as_ref().map(|sim| sim.range.height_m);
+        let height_m = |sim: &Sim| sim.vehicles.flight.way_altitude_m() + sim.range.height_m;
+        let sensor_m = depicted.sim.as_ref().map(height_m);
         SceneView {
             pose: self.pose,
             size_px: self.size,

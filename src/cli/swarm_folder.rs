@@ -361,25 +361,33 @@ impl Swarm {
 
     /// Returns where the vehicles of a roster are reached by others: those with a host of their own and a fixed port.
     pub(super) fn reached(&self, roster: &Roster) -> Vec<Endpoint> {
-        let endpoint = |id: VehicleId| {
-            let hosts = self.hosts_of(Sender::Vehicle(id))?;
-            let host = hosts.into_iter().find(|host| is_far(host))?;
-            let port = self
-                .bus_of(Sender::Vehicle(id))?
-                .listen
-                .first()
-                .map(|listen| listen.port)
-                .filter(|port| *port != 0)?;
-            Some(Endpoint {
-                protocol: Protocol::Tls,
-                host,
-                port,
-            })
-        };
-        vehicles_of(roster)
-            .into_iter()
-            .filter_map(endpoint)
-            .collect()
+        let vehicles = vehicles_of(roster).into_iter();
+        vehicles.filter_map(|id| self.reached_vehicle(id)).collect()
+    }
+
+    /// Returns where the ground station and the vehicles of a roster are reached by others.
+    pub(super) fn reached_nodes(&self, roster: &Roster) -> Vec<(Sender, Endpoint)> {
+        let ground = self
+            .joined(roster)
+            .map(|(_, ground)| (Sender::Ground, ground));
+        let ground =
+            ground.filter(|(node, ground)| roster.of(*node).is_some() && is_far(&ground.host));
+        let vehicles = vehicles_of(roster).into_iter();
+        let vehicles =
+            vehicles.filter_map(|id| Some((Sender::Vehicle(id), self.reached_vehicle(id)?)));
+        ground.into_iter().chain(vehicles).collect()
+    }
+
+    fn reached_vehicle(&self, id: VehicleId) -> Option<Endpoint> {
+        let hosts = self.hosts_of(Sender::Vehicle(id))?;
+        let host = hosts.into_iter().find(|host| is_far(host))?;
+        let bus = self.bus_of(Sender::Vehicle(id))?;
+        let port = bus.listen.first().map(|listen| listen.port);
+        Some(Endpoint {
+            protocol: Protocol::Tls,
+            host,
+            port: port.filter(|port| *port != 0)?,
+        })
     }
 }
 

@@ -61,7 +61,8 @@ impl fmt::Display for MarkOutcome {
                 let (run, place) = (mark.run, place(mark));
                 write!(
                     to,
-                    "no ground station has stored the mark at {place} of run {run} in time"
+                    "no ground station has stored the mark at {place} of run {run} in time; one that has heard it, and whose disk is full, \
+                     stores it once there is room"
                 )
             }
             MarkOutcome::Withdrawn => to.write_str("withdrawn"),

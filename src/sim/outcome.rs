@@ -122,7 +122,7 @@ pub struct RunOutcome {
     /// What became of the places that vehicles were to visit on paths around what they see, those of the first vehicle
     /// first; empty for other missions, and of a live run not known.
     pub places: Vec<PlaceResult>,
-    /// When in a sweep no beacon was heard between any two vehicles for long; of a live run not known.
+    /// When in a sweep the ground station was told of no beacon between any two vehicles for long; of a live run not known.
     pub silences: Vec<Silence>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,

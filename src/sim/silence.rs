@@ -14,7 +14,7 @@ pub const QUIET: Duration = Duration::from_secs(60);
 
 const NANOS_A_SECOND: u64 = 1_000_000_000;
 
-/// A stretch of a sweep in which no beacon was heard between any two vehicles.
+/// A stretch of a sweep in which no beacon was heard between any two vehicles, as far as the ground station was told.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Silence {
     /// In which run.

@@ -129,7 +129,7 @@ pub enum SweepError {
     },
     /// Such plans are too long to travel.
     #[error(
-        "this sweep needs {stops} stops of a vehicle, at most {limit} are allowed; take fewer points"
+        "this sweep needs {stops} stops of a vehicle, at most {limit} are allowed; take fewer positions or laps"
     )]
     TooManyStops {
         /// How many it needs.

@@ -8,6 +8,7 @@
 use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
 
 use super::approach::{ApproachFleet, MIN_GAP, Walk, approach, check_fleet};
+use super::schedule::check_stops;
 use super::{Lap, PlannedSweep, Ring, Schedule, SweepError, check_separation, order_legs};
 use crate::geom::Point;
 
@@ -167,6 +168,7 @@ impl<'a> Rounds<'a> {
     fn finish(self, separation_m: f64) -> Result<PlannedSweep, SweepError> {
         let mut plans: Vec<Plan> = self.walks.into_iter().map(|walk| walk.plan).collect();
         plans.sort_by_key(|plan| plan.vehicle);
+        check_stops(&plans)?;
         order_legs(&mut plans, &self.sequence, separation_m)?;
         for stop in plans.iter_mut().flat_map(|plan| &mut plan.stops) {
             stop.after.sort();

@@ -6,14 +6,12 @@
 
 use tomoswarm_proto::{Plan, Position, Revision, RunId, Stop, StopId, VehicleId};
 
+use super::schedule::check_count;
 use super::{
     Lap, LatticePoint, Pattern, PlannedSweep, Ring, Schedule, SweepError, check_separation,
     order_legs, tracks_of,
 };
 use crate::geom::{Point, Rect};
-
-/// A plan that travels has at most so many stops.
-const MOST_STOPS: usize = 4096;
 
 /// What is wished of the planner.
 #[derive(Clone, PartialEq, Debug)]
@@ -95,13 +93,7 @@ fn check(
     if let Some((vehicle, _)) = wrong.or_else(|| (one.0 == other.0).then_some(other)) {
         return Err(SweepError::Vehicle { vehicle });
     }
-    let stops = 1 + most_moves(pattern);
-    if stops > MOST_STOPS {
-        return Err(SweepError::TooManyStops {
-            stops,
-            limit: MOST_STOPS,
-        });
-    }
+    check_count(1 + most_moves(pattern))?;
     let limit = pattern.round_count();
     if request.first_round >= limit {
         return Err(SweepError::Laps {

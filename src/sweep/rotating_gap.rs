@@ -16,6 +16,7 @@
 use tomoswarm_proto::{Revision, RunId, StopId, VehicleId};
 
 use super::approach::{ApproachFleet, MIN_GAP, Walk, approach, check_fleet};
+use super::schedule::check_stops;
 use super::{Lap, PlannedSweep, Ring, Schedule, SweepError, check_separation};
 use crate::geom::Point;
 
@@ -105,6 +106,7 @@ pub fn rotating_gap(ring: &Ring, request: &GapRequest) -> Result<PlannedSweep, S
         laps.drive(lap);
     }
     let sweep = laps.finish();
+    check_stops(&sweep.plans)?;
     check_separation(&sweep.plans, request.separation_m)?;
     Ok(sweep)
 }

@@ -3,7 +3,10 @@
 use tomoswarm_proto::{Plan, StopId, VehicleId};
 
 use super::precedence::{resolve_after, topological_order, tracks_of, validate};
-use super::{PlanError, VehicleProgress};
+use super::{PlanError, SweepError, VehicleProgress};
+
+/// A plan that travels has at most so many stops.
+const MOST_STOPS: usize = 4096;
 
 /// Plans of all vehicles, with their schedule.
 #[derive(Clone, PartialEq, Debug)]
@@ -12,6 +15,28 @@ pub struct PlannedSweep {
     pub plans: Vec<Plan>,
     /// The laps of the sweep.
     pub schedule: Schedule,
+}
+
+/// Checks that plans can travel.
+///
+/// # Errors
+/// One has too many stops.
+pub(super) fn check_stops(plans: &[Plan]) -> Result<(), SweepError> {
+    plans
+        .iter()
+        .try_for_each(|plan| check_count(plan.stops.len()))
+}
+
+/// Checks that a plan of so many stops can travel.
+///
+/// # Errors
+/// They are too many.
+pub(super) fn check_count(stops: usize) -> Result<(), SweepError> {
+    if stops > MOST_STOPS {
+        let limit = MOST_STOPS;
+        return Err(SweepError::TooManyStops { stops, limit });
+    }
+    Ok(())
 }
 
 /// The laps of a sweep, in order.

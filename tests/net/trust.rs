@@ -309,16 +309,13 @@ fn an_enrolled_node_has_all_that_it_needs_and_is_trusted() {
     let root = folder.path();
     good(
         root,
-        "swarm --venue VENUE ground --host ground.local --host 10.0.0.1",
+        "swarm --venue VENUE ground --host ground.local --host 10.0.0.1 --port 7000",
     );
     good(
         root,
         "swarm --venue VENUE vehicle 3 --host rover3.local --ground-host ground.local --port 7000",
     );
-    good(
-        root,
-        "swarm --venue VENUE operator --ground-host ground.local",
-    );
+    good(root, "swarm --venue VENUE operator --ground-host 10.0.0.1");
     let swarm = root.join("swarm");
     for (path, mode, _) in tree(&swarm) {
         let is_key = path.ends_with("key.pem");
@@ -344,7 +341,7 @@ fn an_enrolled_node_has_all_that_it_needs_and_is_trusted() {
         panic!("no ground")
     };
     assert_eq!(ground.vehicles, [VehicleId(3)]);
-    assert_eq!(ground.bus.listen[0].to_string(), "tls/0.0.0.0:7447");
+    assert_eq!(ground.bus.listen[0].to_string(), "tls/0.0.0.0:7000");
     let Ok(Config::Vehicle(rover)) = read(&swarm.join("vehicle-3/vehicle.toml")) else {
         panic!("no vehicle")
     };
@@ -433,6 +430,34 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
         "swarm --venue VENUE vehicle 2 --host rover2.local --topology star",
         "--topology star: the swarm is a mesh",
     );
+    for (options, part) in [
+        (
+            "vehicle 2 --host rover1.local",
+            "vehicle-2 and vehicle-1 would both be reached at tls/rover1.local:7447",
+        ),
+        (
+            "vehicle 2 --host ground.local",
+            "vehicle-2 and ground would both be reached",
+        ),
+        (
+            "vehicle 2 --host rover2.local --port 9999",
+            "--port 9999: the ground station is reached at tls/ground.local:7447",
+        ),
+        (
+            "vehicle 2 --host rover2.local --ground-host other.local",
+            "--ground-host other.local: the ground station's certificate is of",
+        ),
+        (
+            "--vehicle 1=rover1.local --port 9999",
+            "--port 9999: the ground station is reached at",
+        ),
+        (
+            "vehicle 1 --host rover1.local --replace --state-dir elsewhere",
+            "not what --state-dir says",
+        ),
+    ] {
+        bad(root, &format!("swarm --venue VENUE {options}"), part);
+    }
     let printed = good(
         root,
         &format!("{call} --operator=2=laptop.local --vehicle 2=rover2.local"),
@@ -800,6 +825,10 @@ fn bad_usage_leaves_no_trace() {
         ),
         ("swarm --venue VENUE pilot", "invalid value 'pilot'"),
         (
+            "swarm --venue VENUE --ground base.local --vehicle 1=pi.local --vehicle 2=pi.local",
+            "vehicle-2 and vehicle-1 would both be reached at tls/pi.local:7447",
+        ),
+        (
             "swarm --venue VENUE vehicle 1 --host rover1.local",
             "vehicle-1 is on another machine (rover1.local), where 127.0.0.1 is that machine itself",
         ),
@@ -866,4 +895,34 @@ fn a_swarm_has_one_venue_and_its_own_files() {
         "swarm --venue VENUE vehicle 1",
         "was changed afterwards",
     );
+}
+
+#[test]
+fn a_node_that_stays_with_its_file_moves_only_where_that_file_would_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    good(
+        root,
+        "swarm --venue VENUE --ground 127.0.0.1 --vehicle 1=127.0.0.1 --operator",
+    );
+    bad(
+        root,
+        "swarm --venue VENUE ground --host base.local --replace",
+        "ground.toml: listens at tls/127.0.0.1:7447 alone, where nobody reaches base.local",
+    );
+    bad(
+        root,
+        "swarm --venue VENUE vehicle 1 --host rover1.local --replace",
+        "127.0.0.1",
+    );
+    // A vehicle of the ground station's own machine takes any port there.
+    good(
+        root,
+        "other --venue VENUE --ground base.local --vehicle 1=127.0.0.1 --vehicle 2=127.0.0.1",
+    );
+    let Ok(Config::Vehicle(rover)) = read(&root.join("other/vehicle-2/vehicle.toml")) else {
+        panic!("no vehicle")
+    };
+    assert_eq!(rover.bus.listen[0].port, 0);
+    assert_eq!(rover.bus.connect[0].to_string(), "tls/base.local:7447");
 }

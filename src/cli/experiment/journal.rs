@@ -26,6 +26,7 @@ const BEGIN: &[u8] = b"{\"experiment_journal\":";
 const FAMILY: FileFamily = FileFamily {
     names: &[RUNS, TABLE],
     mark: Some((JOURNAL, "{\"experiment_journal\":")),
+    has_folders: false,
 };
 
 /// What is done with an earlier run.

@@ -147,7 +147,10 @@ impl<T: Fn(Event)> StoreThread<T> {
     fn keep_mark(&mut self, sender: Sender, mark: Mark) {
         if self.unstored_marks.is_empty() && self.archive.keep_mark(mark) {
             (self.tell)(Event::Bus(sender, Message::Mark(mark)));
-        } else if !self.unstored_marks.contains(&(sender, mark)) {
+        } else {
+            // What was said of the same place before does not count any more.
+            let is_of_it = |known: &Mark| (known.run, known.at) == (mark.run, mark.at);
+            self.unstored_marks.retain(|(_, known)| !is_of_it(known));
             self.unstored_marks.push_back((sender, mark));
             if self.unstored_marks.len() > MARKS_WAITING_MAX {
                 self.unstored_marks.pop_front();
