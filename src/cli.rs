@@ -30,6 +30,8 @@ mod enroll_advice;
 mod enroll_checks;
 #[cfg(feature = "net")]
 mod enroll_files;
+#[cfg(feature = "net")]
+mod enroll_pending;
 pub mod error;
 pub mod experiment;
 #[cfg(feature = "net")]

@@ -7,12 +7,14 @@ use std::path::PathBuf;
 use tomoswarm_proto::{OperatorId, Sender, VehicleId};
 
 use super::enroll_advice::{
-    lists_said, moved_ground, planned_for, roster_advice, where_to_take_over, without_folders,
+    interrupted_said, lists_said, moved_ground, planned_for, roster_advice, where_to_take_over,
+    without_folders,
 };
 use super::enroll_checks::{
     GivenOptions, check_apart, check_config, check_home, check_kept, check_reach,
 };
 use super::enroll_files::{CA, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name};
+use super::enroll_pending::ListsBefore;
 use super::error::CliError;
 use super::read;
 use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
@@ -224,6 +226,7 @@ impl EnrollArgs {
         }
         let swarm = Swarm::open(&self.folder)?;
         swarm.check_venue(&venue)?;
+        let mut said = interrupted_said(&swarm)?;
         let (next, issued) = self.issue(&swarm, &wanted)?;
         let is_issued = |node| {
             issued
@@ -245,9 +248,9 @@ impl EnrollArgs {
             let gone = without_folders(&swarm, &wanted);
             let advice =
                 where_to_take_over(&swarm, wanted.iter().map(|node| (node.node, &node.hosts)));
-            return Ok(format!(
-                "all are enrolled already, roster issue {issue}\n{gone}{advice}"
-            ));
+            return Ok(
+                said + &format!("all are enrolled already, roster issue {issue}\n{gone}{advice}")
+            );
         }
         let new: Vec<NewNode> = issued
             .into_iter()
@@ -259,8 +262,7 @@ impl EnrollArgs {
                 })
             })
             .collect::<Result<_, CliError>>()?;
-        let reached_before = swarm.reached(&swarm.roster);
-        let ground_before = swarm.joined(&swarm.roster);
+        let before = ListsBefore::of(&swarm, &next, None);
         let files: Vec<(Sender, Vec<NewFile>)> = new
             .iter()
             .map(|new| (new.name.node, new.files.clone()))
@@ -269,8 +271,7 @@ impl EnrollArgs {
             .iter()
             .filter_map(|new| swarm.file_before_revoked(new.name))
             .collect::<Vec<_>>();
-        let former = swarm.publish(&next, &files)?;
-        let mut said = String::new();
+        let former = swarm.publish((&before, &next), &files)?;
         for node in &new {
             said += &format!("{} is enrolled, roster issue {}\n", node.name, next.issue);
             for (_, former) in former.iter().filter(|(of, _)| *of == node.name.node) {
@@ -285,13 +286,14 @@ impl EnrollArgs {
                 "{file} is new; the one that the node had before it was revoked is {before}\n"
             );
         }
-        said += &lists_said(&swarm, &reached_before, &next)?;
+        said += &lists_said(&swarm, &before, &next)?;
         let is_new = |node| new.iter().any(|new| new.name.node == node);
         said += &where_to_take_over(&swarm, new.iter().map(|new| (new.name.node, &new.hosts)));
         match is_new(Sender::Ground) {
-            true => said += &moved_ground(&swarm, ground_before, &next)?,
-            false => said += &planned_for(&swarm, &next),
+            true => said += &moved_ground(&swarm, &before, &next)?,
+            false => said += &planned_for(&before, &next),
         }
+        ListsBefore::forget(&self.folder)?;
         Ok(said + &roster_advice(&swarm, &next, is_new))
     }
 
@@ -334,23 +336,31 @@ impl EnrollArgs {
             ))
         })?;
         let swarm = Swarm::open(&self.folder)?;
+        let said = interrupted_said(&swarm)?;
+        let was_interrupted =
+            swarm.interrupted.as_ref().and_then(ListsBefore::revoked) == Some(node);
+        if was_interrupted && swarm.roster.of(node).is_none() {
+            return Ok(said);
+        }
         let next = swarm
             .roster
             .revoking(node)
             .map_err(|error| swarm.refused(ROSTER, error))?;
-        let reached_before = swarm.reached(&swarm.roster);
-        swarm.publish(&next, &[])?;
+        let before = ListsBefore::of(&swarm, &next, Some(node));
+        swarm.publish((&before, &next), &[])?;
         let former = swarm.retire(node, "revoked")?;
-        let lists = lists_said(&swarm, &reached_before, &next)?;
+        let lists = lists_said(&swarm, &before, &next)?;
+        ListsBefore::forget(&self.folder)?;
         let kept = former.map_or(String::new(), |folder| {
             format!("its files are kept in {}\n", folder.display())
         });
-        Ok(format!(
-            "{name} is revoked, roster issue {}\n{kept}{lists}{}{}",
-            next.issue,
-            planned_for(&swarm, &next),
-            roster_advice(&swarm, &next, |_| false)
-        ))
+        Ok(said
+            + &format!(
+                "{name} is revoked, roster issue {}\n{kept}{lists}{}{}",
+                next.issue,
+                planned_for(&before, &next),
+                roster_advice(&swarm, &next, |_| false)
+            ))
     }
 
     fn wanted(&self) -> Result<Vec<WantedNode>, CliError> {

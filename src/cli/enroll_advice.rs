@@ -7,14 +7,14 @@ use tomoswarm_proto::Sender;
 
 use super::enroll::WantedNode;
 use super::enroll_files::{CA_KEY, CERTIFICATE, ROSTER, endpoint_list, file_name, vehicle_list};
+use super::enroll_pending::ListsBefore;
 use super::error::CliError;
 use super::swarm_folder::{Swarm, is_far, vehicles_of};
-use crate::config::{Endpoint, Topology};
 use crate::run::trust::{CommonName, Roster};
 
 /// Says for whom the ground station is to plan from now on, when that has changed.
-pub(super) fn planned_for(swarm: &Swarm, next: &Roster) -> String {
-    let (before, vehicles) = (vehicles_of(&swarm.roster), vehicles_of(next));
+pub(super) fn planned_for(before: &ListsBefore, next: &Roster) -> String {
+    let (before, vehicles) = (before.vehicles(), vehicles_of(next));
     if before == vehicles || next.of(Sender::Ground).is_none() {
         return String::new();
     }
@@ -29,10 +29,10 @@ pub(super) fn planned_for(swarm: &Swarm, next: &Roster) -> String {
 /// that were carried away.
 pub(super) fn moved_ground(
     swarm: &Swarm,
-    before: Option<(Topology, Endpoint)>,
+    before: &ListsBefore,
     next: &Roster,
 ) -> Result<String, CliError> {
-    let (Some((_, before)), Some((_, after))) = (before, swarm.joined(next)) else {
+    let (Some(before), Some((_, after))) = (before.ground(), swarm.joined(next)) else {
         return Ok(String::new());
     };
     if before == after {
@@ -64,23 +64,45 @@ pub(super) fn moved_ground(
 /// that people have edited.
 pub(super) fn lists_said(
     swarm: &Swarm,
-    before: &[Endpoint],
+    before: &ListsBefore,
     next: &Roster,
 ) -> Result<String, CliError> {
     let mut said = String::new();
-    if !swarm.list_in_ground(next)? {
+    if !swarm.list_in_ground(&before.vehicles(), next)? {
         said += &format!(
             "the list `vehicles` of the ground station's file was edited: make it [{}] by hand\n",
             vehicle_list(&vehicles_of(next))
         );
     }
-    for operator in swarm.name_in_operators(before, next)? {
+    for operator in swarm.name_in_operators(&before.reached(), next)? {
         let name = CommonName::node_name(Sender::Operator(operator));
         let endpoints = endpoint_list(&swarm.reached(next));
         said += &format!(
             "the list `connect` of the file of {name} was edited: it is to end with {endpoints}\n"
         );
     }
+    Ok(said)
+}
+
+/// Does what a call before has left undone since it was interrupted; returns what that call would have said of it.
+///
+/// # Errors
+/// The disk refuses.
+pub(super) fn interrupted_said(swarm: &Swarm) -> Result<String, CliError> {
+    let Some(before) = &swarm.interrupted else {
+        return Ok(String::new());
+    };
+    let roster = &swarm.roster;
+    let mut said = "the call before was interrupted; what it left is done now\n".to_owned();
+    if let Some(node) = before.revoked().filter(|node| roster.of(*node).is_none()) {
+        swarm.retire(node, "revoked")?;
+        said += &format!("{} is revoked\n", CommonName::node_name(node));
+    }
+    said += &lists_said(swarm, before, roster)?;
+    said += &moved_ground(swarm, before, roster)?;
+    said += &planned_for(before, roster);
+    said += &roster_advice(swarm, roster, |_| false);
+    ListsBefore::forget(&swarm.folder)?;
     Ok(said)
 }
 

@@ -10,6 +10,7 @@ use super::enroll_files::{
     CA, CA_KEY, CERTIFICATE, ROSTER, VENUE, endpoint_list, file_name, vehicle_list, with_end,
     with_list, with_other,
 };
+use super::enroll_pending::ListsBefore;
 use super::error::CliError;
 use super::read;
 use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
@@ -26,6 +27,8 @@ pub(super) struct Swarm {
     pub(super) authority: Authority,
     /// The newest issue.
     pub(super) roster: Roster,
+    /// What the lists said before the call that made this issue, when it was interrupted.
+    pub(super) interrupted: Option<ListsBefore>,
     _lock: Lock,
 }
 
@@ -62,6 +65,7 @@ impl Swarm {
         let swarm = Swarm {
             folder: folder.to_owned(),
             authority,
+            interrupted: ListsBefore::left(folder, roster.issue)?,
             roster,
             _lock: lock,
         };
@@ -129,7 +133,7 @@ impl Swarm {
     /// which former folders are kept, and where.
     pub(super) fn publish(
         &self,
-        next: &Roster,
+        (before, next): (&ListsBefore, &Roster),
         new: &[(Sender, Vec<NewFile>)],
     ) -> Result<Vec<(Sender, PathBuf)>, CliError> {
         let signed = self.authority.sign(next);
@@ -141,6 +145,7 @@ impl Swarm {
             let written = StagedFolder::write(&folder, &files);
             staged.push((*node, written.map_err(unwritable(&folder))?));
         }
+        before.keep(&self.folder)?;
         // From here on the certificates are in force: no number is given twice.
         replace_roster(&self.folder, &text)?;
         let mut kept = Vec::new();
@@ -232,11 +237,12 @@ impl Swarm {
 
     /// Lists the enrolled vehicles in the ground station's configuration, where that list still is as it was written;
     /// returns whether it lists them all.
-    pub(super) fn list_in_ground(&self, next: &Roster) -> Result<bool, CliError> {
-        let (before, after) = (
-            vehicle_list(&vehicles_of(&self.roster)),
-            vehicle_list(&vehicles_of(next)),
-        );
+    pub(super) fn list_in_ground(
+        &self,
+        before: &[VehicleId],
+        next: &Roster,
+    ) -> Result<bool, CliError> {
+        let (before, after) = (vehicle_list(before), vehicle_list(&vehicles_of(next)));
         if before == after {
             return Ok(true);
         }
@@ -398,7 +404,7 @@ fn certificate_in(folder: &Path) -> Option<Certificate> {
 }
 
 /// Makes the error of a folder that the disk refuses.
-fn unwritable(folder: &Path) -> impl Fn(std::io::Error) -> CliError {
+pub(super) fn unwritable(folder: &Path) -> impl Fn(std::io::Error) -> CliError {
     let path = folder.to_owned();
     move |source| CliError::Write {
         path: path.clone(),

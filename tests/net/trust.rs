@@ -926,3 +926,50 @@ fn a_node_that_stays_with_its_file_moves_only_where_that_file_would_do() {
     assert_eq!(rover.bus.listen[0].port, 0);
     assert_eq!(rover.bus.connect[0].to_string(), "tls/base.local:7447");
 }
+
+#[test]
+fn what_a_call_has_not_got_to_the_next_one_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let first = "swarm --venue VENUE --ground ground.local --vehicle 1=rover1.local --operator";
+    good(root, first);
+    let swarm = root.join("swarm");
+    let lists = ["ground/ground.toml", "operator-1/operator.toml"].map(|file| swarm.join(file));
+    let before = lists.each_ref().map(|path| fs::read(path).unwrap());
+    let call = format!("{first} --vehicle 3=rover3.local");
+    good(root, &call);
+    let after = tree(&swarm);
+    // As the folder is when that call is killed once its roster is in force.
+    let left = |issue: u64, more: &str| {
+        let text = format!(
+            "{{\"issue\":{issue},\"vehicles\":[1{more}],\"reached\":[\"tls/rover1.local:7447\"],\
+             \"ground\":\"tls/ground.local:7447\",\"revoked\":\"vehicle-3\"}}"
+        );
+        fs::write(swarm.join(".lists-before.json"), text).unwrap();
+    };
+    for (path, text) in lists.iter().zip(&before) {
+        fs::write(path, text).unwrap();
+    }
+    left(3, "");
+    let printed = good(root, &call);
+    for part in [
+        "the call before was interrupted",
+        "the ground station plans for who is in its file",
+        "all are enrolled already, roster issue 3",
+    ] {
+        assert!(printed.contains(part), "{part} is missing in: {printed}");
+    }
+    assert_eq!(tree(&swarm), after);
+    // What was never in force is forgotten.
+    left(4, "");
+    assert!(!good(root, &call).contains("interrupted"));
+    assert_eq!(tree(&swarm), after);
+    good(root, "swarm --revoke vehicle-3");
+    let revoked = tree(&swarm);
+    fs::rename(swarm.join("vehicle-3.1.revoked"), swarm.join("vehicle-3")).unwrap();
+    left(4, ",3");
+    let printed = good(root, "swarm --revoke vehicle-3");
+    assert!(printed.contains("vehicle-3 is revoked"), "{printed}");
+    assert_eq!(tree(&swarm), revoked);
+    bad(root, "swarm --revoke vehicle-3", "is not enrolled");
+}
