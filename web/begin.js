@@ -27,7 +27,9 @@ export class BeginPanel {
   }
 
   draw() {
-    const missions = this.model.place?.missions ?? [];
+    // A connection begins: what was chosen and filled in stays.
+    if (!this.model.place) return;
+    const missions = this.model.place.missions;
     if (this.kind.options.length !== missions.length) {
       this.kind.replaceChildren(...missions.map(({ kind }) => option(kind, kind)));
       this.showKeys();

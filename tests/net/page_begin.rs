@@ -14,6 +14,10 @@ fn run(watch: &Watch, run: u32) -> Option<RunReport> {
 
 /// Begins what is chosen, with one lap.
 fn begin(browser: &mut Browser) {
+    browser.until(
+        "document.querySelector('#mission-keys input[name=laps]') !== null",
+        10,
+    );
     browser.eval(
         "(() => { const i = document.querySelector('#mission-keys input[name=laps]'); i.value = '1'; \
            i.dispatchEvent(new Event('input', {bubbles: true})); })()",

@@ -66,6 +66,8 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
         5,
     );
     shot(&mut browser, "mark_typed");
+    // Enter does what the button does, once that may be pressed.
+    browser.until("!document.getElementById('mark-give').disabled", 5);
     let enter = json!({"type": "keyDown", "key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13, "text": "\r"});
     browser.ask("Input.dispatchKeyEvent", enter);
     until_known(&mut browser, &[[-0.5, 2.25]]);
