@@ -217,11 +217,8 @@ impl EnrollArgs {
             wanted
                 .iter()
                 .try_for_each(|wanted| check_reach(wanted.node, &wanted.hosts, &ground_host))?;
-            let all: Vec<(Sender, &[String])> = wanted
-                .iter()
-                .map(|wanted| (wanted.node, &wanted.hosts[..]))
-                .collect();
-            check_apart(&self.reached(&all, None))?;
+            let all = wanted.iter().map(|wanted| (wanted.node, &wanted.hosts));
+            check_apart(&self.reached(all, None))?;
             create_authority(&self.folder, &venue_text)?;
         }
         let swarm = Swarm::open(&self.folder)?;
@@ -236,12 +233,11 @@ impl EnrollArgs {
         self.check_options(&swarm, is_issued(Sender::Ground))?;
         let mut reached = swarm.reached_nodes(&swarm.roster);
         reached.retain(|(node, _)| !is_issued(*node));
-        let all: Vec<(Sender, &[String])> = issued
+        let all = issued
             .iter()
-            .map(|issued| (issued.issued.entry.name.node, &issued.hosts[..]))
-            .collect();
+            .map(|issued| (issued.issued.entry.name.node, &issued.hosts));
         let joined = swarm.joined(&swarm.roster).map(|(_, ground)| ground);
-        reached.extend(self.reached(&all, joined.as_ref()));
+        reached.extend(self.reached(all, joined.as_ref()));
         check_apart(&reached)?;
         if issued.is_empty() {
             let issue = swarm.roster.issue;
@@ -474,17 +470,13 @@ impl EnrollArgs {
 
     /// Refuses options that say something else than the swarm's files; where the ground station is reached is its own to say.
     fn check_options(&self, swarm: &Swarm, is_ground_new: bool) -> Result<(), CliError> {
-        let word = |topology| match topology {
-            Topology::Mesh => "mesh",
-            Topology::Star => "star",
-        };
         let Some((shape, ground)) = swarm.joined(&swarm.roster) else {
             return Ok(());
         };
         let folder = self.folder.display();
         let given = self.topology.map(EnrolledTopology::named);
         if let Some(given) = given.filter(|given| *given != shape) {
-            let (given, shape) = (word(given), word(shape));
+            let (given, shape) = (given.name(), shape.name());
             return Err(CliError::Usage(format!(
                 "--topology {given}: the swarm is a {shape}, as the files in {folder} say; leave it out, or make a new swarm"
             )));
@@ -509,33 +501,25 @@ impl EnrollArgs {
     }
 
     /// Returns where others reach nodes that are to be enrolled.
-    fn reached(
+    fn reached<'a>(
         &self,
-        wanted: &[(Sender, &[String])],
+        wanted: impl Iterator<Item = (Sender, &'a Vec<String>)>,
         joined: Option<&Endpoint>,
     ) -> Vec<(Sender, Endpoint)> {
         let port = self
             .port
             .or(joined.map(|ground| ground.port))
             .unwrap_or(DEFAULT_PORT);
-        let is_reached = |(node, _): &&(Sender, &[String])| !matches!(node, Sender::Operator(_));
-        let endpoint = |(node, hosts): &(Sender, &[String])| {
-            let host = hosts.iter().find(|host| is_far(host))?.clone();
-            let protocol = Protocol::Tls;
-            Some((
-                *node,
-                Endpoint {
-                    protocol,
-                    host,
-                    port,
-                },
-            ))
+        let is_reached = |(node, _): &(Sender, &Vec<String>)| !matches!(node, Sender::Operator(_));
+        let endpoint = |(node, hosts): (Sender, &Vec<String>)| {
+            let endpoint = Endpoint {
+                protocol: Protocol::Tls,
+                host: hosts.iter().find(|host| is_far(host))?.clone(),
+                port,
+            };
+            Some((node, endpoint))
         };
-        wanted
-            .iter()
-            .filter(is_reached)
-            .filter_map(endpoint)
-            .collect()
+        wanted.filter(is_reached).filter_map(endpoint).collect()
     }
 
     /// Returns the host under which the ground station is reached: as it is given, as the swarm's files say, or this machine.

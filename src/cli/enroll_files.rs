@@ -168,10 +168,7 @@ impl NodeConfig {
     }
 
     fn bus(&self) -> String {
-        let topology = match self.topology {
-            Topology::Mesh => "mesh",
-            Topology::Star => "star",
-        };
+        let topology = self.topology.name();
         let mut text = format!("[bus]\ntopology = \"{topology}\"\n");
         if self.node == Sender::Ground || self.topology == Topology::Mesh {
             text += &format!("listen = [{}]\n", quoted(&self.listen().to_string()));

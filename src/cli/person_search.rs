@@ -6,18 +6,9 @@ use serde_json::{Value, json};
 use super::image_text::{unfound_in_words, why_not_searched};
 use super::report::why_not_made;
 use crate::config::Sim;
-use crate::geom::Point;
 use crate::ground::imager::Subject;
+use crate::scene::Person;
 use crate::sim::{FoundObject, NEAR_M, RunOutcome, Scenario};
-
-/// Somebody who was searched for.
-#[derive(Debug)]
-struct SoughtPerson {
-    name: String,
-    at: Point,
-    /// Where it walks from there; empty = it stands.
-    path: Vec<Point>,
-}
 
 /// The search for persons in a run.
 #[derive(Debug)]
@@ -28,7 +19,7 @@ pub(super) struct PersonSearch {
     unfound: Option<String>,
     /// Why nobody was searched for; `None` as well where the mission is no sweep.
     why_not: Option<String>,
-    persons: Vec<SoughtPerson>,
+    persons: Vec<Person>,
     /// How far its find is from each of them, metres.
     errors_m: Vec<f64>,
 }
@@ -49,18 +40,11 @@ impl PersonSearch {
         let unfound = finds.and_then(|finds| {
             unfound_in_words(finds, &scenario.image(Subject::Change).finds, area, "m")
         });
-        let persons = outcome.persons.iter();
         PersonSearch {
             found: outcome.has_searched().then(|| outcome.found()),
             unfound,
             why_not: why_not(scenario, outcome),
-            persons: persons
-                .map(|person| SoughtPerson {
-                    name: person.name.clone(),
-                    at: person.at,
-                    path: person.path.clone(),
-                })
-                .collect(),
+            persons: outcome.persons.clone(),
             errors_m: outcome.errors_m(),
         }
     }
@@ -97,7 +81,7 @@ impl PersonSearch {
         let judged = self.persons.iter().zip(&self.errors_m);
         let missed = judged.filter(|(_, error_m)| self.found.is_some() && **error_m > NEAR_M);
         missed
-            .map(|(SoughtPerson { name, at, path }, _)| {
+            .map(|(Person { name, at, path, .. }, _)| {
                 let does = match path.is_empty() {
                     true => "at",
                     false => "who walks, from",
@@ -132,7 +116,7 @@ impl PersonSearch {
 
     /// Returns who stood in the scene, for a program.
     pub(super) fn persons_json(&self) -> Value {
-        let person = |SoughtPerson { name, at, path }: &SoughtPerson| {
+        let person = |Person { name, at, path, .. }: &Person| {
             let path: Vec<[f64; 2]> = path.iter().map(|at| [at.x_m, at.y_m]).collect();
             json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m, "path_m": path })
         };
@@ -162,6 +146,7 @@ fn why_not(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Point;
 
     fn find(person: Option<usize>, error_m: f64) -> FoundObject {
         FoundObject {
@@ -181,13 +166,16 @@ mod tests {
             unfound: None,
             why_not: why_not.map(str::to_owned),
             persons: ["ann", "bob"]
-                .map(|name| SoughtPerson {
+                .map(|name| Person {
                     name: name.to_owned(),
                     at: Point::new(1.0, 2.5),
                     path: match name {
                         "bob" => vec![Point::new(3.0, 2.5)],
                         _ => Vec::new(),
                     },
+                    radius_m: 0.3,
+                    height_m: 1.8,
+                    db_per_m: 10.0,
                 })
                 .into(),
             errors_m: vec![0.5, f64::INFINITY],

@@ -111,8 +111,7 @@ impl SceneArgs {
     }
 
     fn look(&self, depicted: &LoadedScene) -> SceneView {
-        let height_m = |sim: &Sim| sim.vehicles.flight.way_altitude_m() + sim.range.height_m;
-        let sensor_m = depicted.sim.as_ref().map(height_m);
+        let sensor_m = depicted.sim.as_ref().map(Sim::sensor_height_m);
         SceneView {
             pose: self.pose,
             size_px: self.size,

@@ -100,6 +100,13 @@ impl BusFile {
     }
 }
 
+impl Topology {
+    /// Returns its word in files.
+    pub fn name(self) -> &'static str {
+        self.word()
+    }
+}
+
 impl WordChoice for Topology {
     const WORDS: &'static [(&'static str, Topology)] =
         &[("mesh", Topology::Mesh), ("star", Topology::Star)];

@@ -83,6 +83,11 @@ pub struct Sim {
 }
 
 impl Sim {
+    /// Returns how high above the ground range sensors are under way, metres.
+    pub fn sensor_height_m(&self) -> f64 {
+        self.vehicles.flight.way_altitude_m() + self.range.height_m
+    }
+
     /// Returns the ids of the vehicles, 1 to `count`.
     pub fn vehicle_ids(&self) -> impl Iterator<Item = VehicleId> + use<> {
         (1..=self.vehicles.count)

@@ -122,7 +122,7 @@ fn sight(sim: &Sim) -> SensorView {
     let range = &sim.range;
     let max_m = range.look.max_range_m.min(range.look.farness_m);
     SensorView {
-        height_m: sim.vehicles.flight.way_altitude_m() + range.height_m,
+        height_m: sim.sensor_height_m(),
         half_angle_rad: match range.lobe {
             Lobe::Beam => 0.0,
             // In the plane of the sensor a cone is a fan.

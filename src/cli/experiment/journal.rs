@@ -21,11 +21,11 @@ pub(super) const TABLE: &str = "table.txt";
 /// The file of the journal.
 const JOURNAL: &str = "journal.jsonl";
 /// What a journal begins with.
-const BEGIN: &[u8] = b"{\"experiment_journal\":";
+const BEGIN: &str = "{\"experiment_journal\":";
 /// What is made of a journal.
 const FAMILY: FileFamily = FileFamily {
     names: &[RUNS, TABLE],
-    mark: Some((JOURNAL, "{\"experiment_journal\":")),
+    mark: Some((JOURNAL, BEGIN)),
     has_folders: false,
 };
 
@@ -136,7 +136,7 @@ impl Journal {
             return Err(CliError::Input { path, reason });
         }
         let mut bytes = read_all(&mut file).map_err(fail)?;
-        if !bytes.starts_with(BEGIN) && !BEGIN.starts_with(&bytes) {
+        if !bytes.starts_with(BEGIN.as_bytes()) && !BEGIN.as_bytes().starts_with(&bytes) {
             let reason = "is no journal of an experiment; move it away, or give another --out";
             return Err(CliError::Line {
                 path,
