@@ -85,10 +85,12 @@ mod progress;
 mod read;
 mod recorded;
 pub mod recording;
+mod reference;
 #[cfg(feature = "net")]
 pub mod replay;
 mod report;
 mod samples_csv;
+mod scenario_warnings;
 pub mod scene;
 mod scene_pictures;
 mod scene_text;

@@ -24,7 +24,7 @@ pub use lattice::{Cell, CellsUnder, Lattice};
 pub(crate) use lattice::{ceil_to_i32, floor_to_i32};
 pub use point::{Point, Vector};
 pub use polygon::Polygon;
-pub use pose::Pose;
+pub use pose::{Pose, WORST_DEVIATIONS};
 pub use rect::Rect;
 pub use segment::Segment;
 pub use track::Track;

@@ -12,8 +12,8 @@ use super::error::CliError;
 use super::experiment;
 use super::image::{bounds, read_file, read_with};
 use super::load;
-use super::person_checks;
 use super::read;
+use super::scenario_warnings;
 use super::true_places::{self, TruePlaces, read_places};
 use crate::config::{self, Config, SceneFile, Up};
 use crate::scene::VrmlScene;
@@ -176,7 +176,7 @@ fn understand_config(path: &Path, text: &str) -> Result<String, CliError> {
                 Some(path),
                 None,
             )?;
-            let warnings = person_checks::warnings(&scenario);
+            let warnings = scenario_warnings::warnings(&scenario);
             let warnings = warnings.map_err(|error| CliError::Input {
                 path: path.to_owned(),
                 reason: error.to_string(),

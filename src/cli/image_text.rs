@@ -4,10 +4,11 @@ use tomoswarm_proto::VehicleId;
 
 use super::counted::counted;
 use super::recording::LengthUnit;
+use super::reference::Reference;
 use crate::geom::Rect;
 use crate::tomo::{
-    DeviceOffsets, DropReason, DroppedLinks, Find, FindSettings, Finds, ImagingSettings, LawBasis,
-    Peak, PixelShares, Reconstruction, SIGNIFICANT,
+    DeviceOffsets, DropReason, DroppedLinks, Find, FindSettings, Finds, ImagingSettings, Peak,
+    PixelShares, Reconstruction, SIGNIFICANT,
 };
 
 /// Strengths under this are printed as 0.00, and are no peaks to a reader.
@@ -154,29 +155,6 @@ pub(super) struct LinkCounts {
     pub(super) empty: Option<usize>,
 }
 
-/// Returns in a line with what strengths are compared.
-fn reference_in_words(result: &Reconstruction, empty: Option<usize>) -> String {
-    match (empty, result.path_loss) {
-        (Some(count), _) => format!("reference: {} of the empty sweep\n", counted(count, "link")),
-        (None, Some(law)) => {
-            let count = counted(law.links, "link");
-            match law.basis {
-                LawBasis::Sides => {
-                    format!(
-                        "reference: free space, by {count} along the sides, where nothing stands\n"
-                    )
-                }
-                LawBasis::All => format!(
-                    "reference: free space, by all {count} that are long enough: too few run along the sides, so the level \
-                     is less sure\n"
-                ),
-            }
-        }
-        // Then there is no image.
-        (None, None) => String::new(),
-    }
-}
-
 /// Returns the summary.
 pub(super) fn summary(
     result: &Reconstruction,
@@ -205,7 +183,7 @@ pub(super) fn summary(
     };
     let shortest = format!("{:.2} {unit}", settings.shortest_link_m);
     text += &dropped_in_words(&result.dropped, &shortest);
-    text += &reference_in_words(result, empty);
+    text += &Reference::of(empty, result.path_loss).map_or(String::new(), Reference::in_words);
     if let Some(choice) = &result.choice {
         text += &format!("{}\n", choice.words());
     }

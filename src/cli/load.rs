@@ -1,16 +1,16 @@
 //! From file names to a scenario: the simulation file, what it names, and the shapes. Without a file, the
 //! bundled example.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Revision, RunId};
 
 use super::error::CliError;
 use super::read;
-use crate::config::{self, Problems, SceneFile, Sim, SourceFile, bundled};
+use crate::config::{self, FileLine, Problems, SceneFile, Sim, SourceFile, bundled};
 use crate::ground::planner::{Request, plan};
 use crate::scene::{self, Person, Scene, VrmlScene};
-use crate::sim::Scenario;
+use crate::sim::{Scenario, ScenarioError};
 use crate::sweep::{PlanError, PlannedSweep, Ring, SweepError};
 
 /// A scene whose lowest point is higher above the ground than this stands on nothing.
@@ -241,18 +241,18 @@ pub(super) fn scenario(
 ) -> Result<Scenario, CliError> {
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
-    let refused = |reason| CliError::Input { path, reason };
     let made = Scenario::new(loaded.sim, loaded.shapes.shapes, seed).map(|mut scenario| {
         scenario.made_from = loaded.made_from;
         scenario
     });
     match made {
-        Err(error) => Err(refused(error.to_string())),
+        Err(error) => Err(refusal(&error, path)),
         Ok(scenario) if !scenario.sim().is_planned_by_ground() => Ok(scenario),
         Ok(scenario) => match planned(&scenario) {
             Err(error) => {
                 let remedy = remedy(&scenario, &error);
-                Err(refused(format!("no sweep can be planned: {error}{remedy}")))
+                let reason = format!("no sweep can be planned: {error}{remedy}");
+                Err(CliError::Input { path, reason })
             }
             Ok(_) => Ok(scenario),
         },
@@ -271,10 +271,20 @@ pub(super) fn world(
 ) -> Result<Scenario, CliError> {
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
-    Scenario::new(loaded.sim, loaded.shapes.shapes, seed).map_err(|error| CliError::Input {
-        path,
-        reason: error.to_string(),
-    })
+    Scenario::new(loaded.sim, loaded.shapes.shapes, seed).map_err(|error| refusal(&error, path))
+}
+
+/// Returns the refusal of a scenario: with the line that is to be mended where one is known, otherwise with its file.
+pub(super) fn refusal(error: &ScenarioError, path: PathBuf) -> CliError {
+    let reason = error.to_string();
+    match error.line() {
+        Some(FileLine { file, line }) => CliError::Line {
+            path: file.into(),
+            line: *line,
+            reason,
+        },
+        None => CliError::Input { path, reason },
+    }
 }
 
 /// Returns what helps a sweep in which vehicles would come too close: fewer positions, which lie farther apart.

@@ -9,6 +9,7 @@ use super::load;
 use super::logging;
 use super::parameters::parse_parameter;
 use super::read;
+use super::sim::parse_seed;
 use super::standard_output::complain;
 use super::stop::StopFlag;
 use crate::autopilot::VehicleKind;
@@ -72,7 +73,7 @@ pub struct MockAutopilotArgs {
     #[arg(long = "parameter", value_name = "NAME=VALUE", value_parser = parse_parameter)]
     pub parameters: Vec<(String, f32)>,
     /// Seed of the errors of places
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = parse_seed)]
     pub seed: u64,
     /// End when standard input ends
     #[arg(long, hide = true)]

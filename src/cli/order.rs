@@ -321,6 +321,7 @@ impl OrderArgs {
                     }
                     MarkOutcome::NoRun
                     | MarkOutcome::NotStored(_)
+                    | MarkOutcome::StoreInTrouble { .. }
                     | MarkOutcome::Withdrawn
                     | MarkOutcome::UnknownRun { .. } => {
                         undone.push(outcome.to_string());

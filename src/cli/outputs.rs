@@ -17,13 +17,14 @@ use super::image_text::LinkCounts;
 use super::link_pictures::LinkPictures;
 use super::pictures::{colour_range, drawn, marks};
 use super::recording::LengthUnit;
+use super::reference::Reference;
 use super::true_places::{Named, circles};
 use crate::config::SourceFile;
 use crate::draw::{HeatMap, Picture, described};
 use crate::geom::{Point, Rect};
 use crate::tomo::{
     Candidates, Choice, DropReason, DroppedLinks, Find, FindSettings, Finds, Image,
-    ImagingSettings, LawBasis, LinkShare, Peak, PixelShares, Reconstruction, Score, Solver, Sparse,
+    ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction, Score, Solver, Sparse,
     Variation, WeightModel, npy_bytes,
 };
 
@@ -361,26 +362,13 @@ fn report(made: &Made<'_>) -> Value {
         "residual_rms_db": result.residual_rms_db,
         "links": {"used": result.used, "dropped": dropped_json(&result.dropped), "repeated_samples": counts.repeated},
         "path_loss": law,
-        "reference": reference_json(result, counts.empty),
+        "reference": Reference::of(counts.empty, result.path_loss).map(Reference::to_json),
         "why": result.shares.as_ref().map(shares_json),
         "choice": result.choice.as_ref().map(choice_json),
         "settings": settings_json(settings, (unit, unit_m), result.by_empty_sweep),
         "version": env!("CARGO_PKG_VERSION"),
         "made_from": made_from,
     })
-}
-
-/// Returns with what strengths are compared, as the JSON output shows it.
-fn reference_json(result: &Reconstruction, empty: Option<usize>) -> Value {
-    let of = |name: &str, links: usize| json!({"name": name, "links": links});
-    match (empty, result.path_loss) {
-        (Some(links), _) => of("empty sweep", links),
-        (None, Some(law)) => match law.basis {
-            LawBasis::Sides => of("along the sides", law.links),
-            LawBasis::All => of("all", law.links),
-        },
-        (None, None) => Value::Null,
-    }
 }
 
 /// Returns how many links were left out as the JSON output shows it.

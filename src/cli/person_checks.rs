@@ -1,9 +1,11 @@
-//! Persons who stand where nobody can be found: outside the fence, inside something solid, or inside each other. They are
-//! warned of, not refused: who builds a scene may mean it. It prints nothing.
+//! Persons who stand where nobody can be found: outside the fence, outside the area that is imaged, inside something solid, or
+//! inside each other. They are warned of, not refused: who builds a scene may mean it. It prints nothing.
 
-use crate::geom::Polygon;
+use super::person_search;
+use crate::geom::{Point, Polygon, Rect};
 use crate::scene::{Outline, Person};
 use crate::sim::{Scenario, ScenarioError};
+use crate::time::Time;
 
 /// Returns a line for each person of a scenario who stands where nobody can be found.
 ///
@@ -11,20 +13,56 @@ use crate::sim::{Scenario, ScenarioError};
 /// The scene cannot be built.
 pub(super) fn warnings(scenario: &Scenario) -> Result<Vec<String>, ScenarioError> {
     let (outlines, venue) = (scenario.outlines()?, &scenario.sim().venue);
-    Ok(lines(scenario.persons(), &venue.fence, &outlines))
+    let mut found = lines(scenario.persons(), &venue.fence, &outlines);
+    if person_search::is_wanted(scenario.sim()) {
+        let ways = scenario.ways(Time::NEVER);
+        found.extend(unimaged(
+            scenario.persons(),
+            &ways,
+            &venue.fence,
+            venue.area,
+        ));
+    }
+    Ok(found)
 }
 
 fn lines(persons: &[Person], fence: &Polygon, outlines: &[Outline]) -> Vec<String> {
     let all = persons.iter().enumerate();
     all.filter_map(|(index, person)| {
         let where_to = where_in_words(person, &persons[..index], fence, outlines)?;
-        let (name, at) = (&person.name, person.at);
-        Some(format!(
-            "person {name} at ({:.2}, {:.2}) m stands {where_to}, where nobody is found; it will count as missed",
-            at.x_m, at.y_m
-        ))
+        Some(line(person, &format!("stands {where_to}")))
     })
     .collect()
+}
+
+/// Returns a line for each person within the fence who is nowhere on its way in the area that is imaged.
+fn unimaged(persons: &[Person], ways: &[Vec<Point>], fence: &Polygon, area: Rect) -> Vec<String> {
+    let is_outside = |(person, way): &(&Person, &Vec<Point>)| {
+        fence.contains(person.at) && !way.iter().any(|at| area.contains(*at))
+    };
+    let said = |(person, way): (&Person, &Vec<Point>)| {
+        let does = if way.len() > 1 { "walks" } else { "stands" };
+        let Rect { min, max } = area;
+        let where_to = format!(
+            "{does} outside the area that is imaged (area_m, from ({}, {}) to ({}, {}) m)",
+            min.x_m, min.y_m, max.x_m, max.y_m
+        );
+        line(person, &where_to)
+    };
+    persons
+        .iter()
+        .zip(ways)
+        .filter(is_outside)
+        .map(said)
+        .collect()
+}
+
+fn line(person: &Person, does_where: &str) -> String {
+    let (name, at) = (&person.name, person.at);
+    format!(
+        "person {name} at ({:.2}, {:.2}) m {does_where}, where nobody is found; it will count as missed",
+        at.x_m, at.y_m
+    )
 }
 
 /// Returns where a person stands whom nobody can find; `others` were placed before it.

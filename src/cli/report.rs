@@ -104,7 +104,9 @@ pub(super) struct RunFigures {
     silences: Vec<Silence>,
     /// How the mission of each vehicle ended; empty for a sweep.
     missions: Vec<EndedMission>,
-    /// The same in words.
+    /// How many of them were done.
+    missions_done: usize,
+    /// How each ended, in words.
     ends: Vec<String>,
     /// Of the cells of surfaces that can be seen, how many the map has found; `None` for a sweep.
     seen: Option<SurfaceCoverage>,
@@ -148,6 +150,7 @@ impl RunFigures {
             search: PersonSearch::of(scenario, outcome),
             silences: outcome.silences.clone(),
             missions: outcome.missions.clone(),
+            missions_done: missions_done(scenario, outcome),
             ends: ends(outcome),
             seen: seen(scenario, outcome)?,
             not_made: not_made(scenario, outcome),
@@ -208,7 +211,7 @@ impl RunFigures {
         let line = |((vehicle, _), how): (&EndedMission, &String)| {
             format!("mission           vehicle {vehicle} {how}\n")
         };
-        let done = did_everything(&self.missions);
+        let done = self.missions_done;
         let of = self.missions.len();
         let lines: String = self.missions.iter().zip(&self.ends).map(line).collect();
         let lines = format!("missions done     {done} of {of}\n{lines}");
@@ -315,7 +318,7 @@ fn ended_badly(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
                 format!("the sweep shows nothing: {why}")
             });
         }
-        let is_done = outcome.missions.is_empty() || did_everything(&outcome.missions) > 0;
+        let is_done = outcome.missions.is_empty() || missions_done(scenario, outcome) > 0;
         (!is_done).then(|| "no vehicle did its mission".to_owned())
     };
     outcome.failure.clone().or_else(undone)
@@ -334,10 +337,15 @@ fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -
     (!reasons.is_empty()).then(|| reasons.join("; "))
 }
 
-/// Returns how many missions were done to the end.
-fn did_everything(missions: &[EndedMission]) -> usize {
-    let is_done = |(_, end): &&EndedMission| matches!(end, Some((_, EndReason::Done)));
-    missions.iter().filter(is_done).count()
+/// Returns how many missions were done to the end; of one that nothing else is to end that is a low battery.
+fn missions_done(scenario: &Scenario, outcome: &RunOutcome) -> usize {
+    let has_battery_end = scenario.sim().is_ended_by_battery();
+    let is_done = |(_, end): &&EndedMission| match end {
+        Some((_, EndReason::Done)) => true,
+        Some((_, EndReason::BatteryLow)) => has_battery_end,
+        Some(_) | None => false,
+    };
+    outcome.missions.iter().filter(is_done).count()
 }
 
 /// Returns that a sweep has heard nothing for long, in a line.

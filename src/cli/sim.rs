@@ -13,13 +13,14 @@ use super::error::CliError;
 use super::flight::{Flights, SEGMENT};
 use super::folder::OutputFolder;
 use super::load::{self, LoadedSimulation};
-use super::person_checks;
 use super::pictures::write_pictures;
 use super::report::{FAMILY, RunFigures, failure, write_data};
+use super::scenario_warnings;
 use super::standard_output::complain;
 use super::stop::StopFlag;
 use super::trials;
 use super::watch::{self, Watching};
+use crate::config::{SEEDS, UNTIL_S};
 use crate::sim::{RunError, RunOutcome, RunProgress, RunView, Scenario};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
@@ -116,7 +117,8 @@ Without an empty sweep (empty_sweep = true in CONFIG) there is no image.png: not
 within 1 m of it and no nearer pair takes either of them; a person left over is missed. Persons are searched in the last image: a
 sweep that is given up has searched for nobody, and has missed nobody.
 Of an exploration `seen` counts what can be seen from ground to which a vehicle gets for sure, through gaps of the width that it names
-(and `tomoswarm check`): twice the safety distance, two deviations of the place and three quarters of a map cell.
+(and `tomoswarm check`): twice the safety distance, two deviations of the place and three quarters of a map cell. It is what the
+ground station and all vehicles whose software still runs know together, as map.png shows it, whoever is off the bus at the end.
 
 Examples:
   tomoswarm sim --seed 7                        the persons stand elsewhere
@@ -158,15 +160,12 @@ fn after_help() -> String {
 }
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text
-        .parse()
-        .map_err(|_| format!("`{text}` is no number of seconds"))?;
-    if !(1.0..=1e7).contains(&seconds) {
-        return Err(format!(
-            "`{text}` s is out of range; 1 to 10000000 s are allowed"
-        ));
-    }
-    Ok(Duration::from_secs_f64(seconds))
+    let seconds: Option<f64> = text.parse().ok();
+    let (least_s, most_s) = (UNTIL_S.start(), UNTIL_S.end());
+    seconds
+        .filter(|seconds| UNTIL_S.contains(seconds))
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| format!("expected a number of seconds from {least_s} to {most_s}"))
 }
 
 fn parse_pace(text: &str) -> Result<f64, String> {
@@ -196,7 +195,7 @@ impl SimArgs {
             watch::check()?;
         }
         let mut scenario = self.scenario(self.seed)?;
-        warn_of_persons(&scenario)?;
+        warn_of_scenario(&scenario)?;
         if self.watch || self.pace.is_some() {
             scenario.shown_every = watch::shown_every(self.pace);
         }
@@ -308,12 +307,12 @@ impl SimArgs {
     }
 }
 
-/// Says of persons who stand where nobody can be found.
+/// Says what is to be known of a scenario before it is run.
 ///
 /// # Errors
 /// The scene cannot be built.
-pub(super) fn warn_of_persons(scenario: &Scenario) -> Result<(), CliError> {
-    let warnings = person_checks::warnings(scenario);
+pub(super) fn warn_of_scenario(scenario: &Scenario) -> Result<(), CliError> {
+    let warnings = scenario_warnings::warnings(scenario);
     for warning in warnings.map_err(|error| CliError::Usage(error.to_string()))? {
         complain(&format_args!("warning: {warning}"));
     }
@@ -354,10 +353,12 @@ pub(super) fn publish(
     failure(scenario, outcome).map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
-/// Reads a seed.
+/// Reads a seed, as the files allow it.
 pub(super) fn parse_seed(text: &str) -> Result<u64, String> {
-    text.parse()
-        .map_err(|_| format!("expected a whole number from 0 to {}", u64::MAX))
+    let seed: Option<u64> = text.parse().ok();
+    let (first, last) = (SEEDS.start(), SEEDS.end());
+    seed.filter(|seed| SEEDS.contains(seed))
+        .ok_or_else(|| format!("expected a whole number from {first} to {last}"))
 }
 
 pub(super) fn default_folder(scenario: &Scenario, seed: u64) -> PathBuf {

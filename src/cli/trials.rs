@@ -11,9 +11,9 @@ use std::thread::ScopedJoinHandle;
 use super::error::CliError;
 use super::person_search;
 use super::report;
-use super::sim::{SimArgs, warn_of_persons};
+use super::sim::{SimArgs, warn_of_scenario};
 use super::stop::StopFlag;
-use crate::config::Expect;
+use crate::config::{Expect, SEEDS};
 use crate::sim::{NEAR_M, RunOutcome, RunView, Scenario};
 
 /// Share of the seeds in which everybody must be found.
@@ -131,14 +131,15 @@ pub(super) fn run(
     out: &mut (dyn Write + Send),
 ) -> Result<(), CliError> {
     let scenario = args.scenario(None)?;
-    warn_of_persons(&scenario)?;
+    warn_of_scenario(&scenario)?;
     let first = args.seed.unwrap_or(scenario.sim().seed);
     let expect = scenario.sim().expect;
     let word = word_of(expect);
-    let Some(last) = first.checked_add(count - 1) else {
+    let last = first.checked_add(count - 1);
+    let Some(last) = last.filter(|last| SEEDS.contains(last)) else {
         return Err(CliError::Usage(format!(
             "{count} seeds from {first} go beyond the last one, {}",
-            u64::MAX
+            SEEDS.end()
         )));
     };
     writeln!(

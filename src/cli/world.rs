@@ -8,6 +8,7 @@ use super::describe::describe;
 use super::error::CliError;
 use super::load;
 use super::read;
+use super::sim::parse_seed;
 use super::standard_output::complain;
 use super::stop::StopFlag;
 use crate::config::{Config, bundled};
@@ -40,7 +41,7 @@ pub struct WorldArgs {
     #[arg(long, value_name = "TEXT", value_parser = crate::config::world_token)]
     pub token: Option<String>,
     /// Seed of everything that is random [default: the file's]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     pub seed: Option<u64>,
     /// Number of vehicles, 2 to 250, in place of the file's; the venue must have a home for each
     #[arg(long, value_name = "N", allow_negative_numbers = true)]

@@ -149,11 +149,14 @@ impl Experiment {
         for choices in &self.axes {
             let mut names: Vec<&str> = choices.iter().map(|choice| choice.name.as_str()).collect();
             names.sort_unstable();
-            if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            let pairs = names.windows(2).filter(|pair| pair[0] == pair[1]);
+            let mut doubles: Vec<&str> = pairs.map(|pair| pair[0]).collect();
+            doubles.dedup();
+            for name in doubles {
                 let key = choices.first().map_or("", |choice| choice.change.key());
                 root.refuse(
                     key,
-                    &format!("has {} twice", pair[0]),
+                    &format!("has {name} twice"),
                     "each may stand there once",
                 );
             }
@@ -250,6 +253,7 @@ impl Experiment {
             ..Laid::default()
         };
         laid.overlay.sim.lay_all(self.keys.with());
+        let mut wrong = Vec::new();
         for axis in [
             Axis::Scene,
             Axis::Mission,
@@ -259,10 +263,23 @@ impl Experiment {
             Axis::Safety,
             Axis::Size,
         ] {
-            if let Some(choice) = self.choice(run, axis) {
-                self.lay(choice, run, &mut laid, loader)?;
+            // What cannot be laid over is left out, so that all else that is wrong is found as well.
+            if let Some(choice) = self.choice(run, axis)
+                && let Err(problems) = self.lay(choice, run, &mut laid, loader)
+            {
+                wrong.extend(problems.into_list());
             }
         }
+        let sim = self.read_laid(run, &laid, loader);
+        if wrong.is_empty() {
+            return sim;
+        }
+        wrong.extend(sim.err().map(Problems::into_list).unwrap_or_default());
+        Err(Problems::new(&self.file, wrong))
+    }
+
+    /// Reads a simulation with what is laid over it.
+    fn read_laid(&self, run: usize, laid: &Laid, loader: &mut Loader) -> Result<Sim, Problems> {
         let text = laid.text(loader).map_err(|reason| {
             self.problem(
                 self.choice(run, Axis::Scene),
@@ -320,7 +337,10 @@ impl Experiment {
             Change::Sensor(layer) => sim.lay_all(&layer.under(&["range"])),
             Change::Vehicles(count) => sim.lay_at("vehicles.count", &count.to_string(), *line),
             Change::Safety(distance_m) => {
-                let radius_m = laid.radius_m(loader);
+                // A simulation that cannot be read is reported when the cell is.
+                let Some(radius_m) = laid.radius_m(loader) else {
+                    return Ok(());
+                };
                 if *distance_m < radius_m {
                     let wrong = format!("is within the vehicle, whose radius is {radius_m} m");
                     let allowed = "it is measured from the vehicle's middle: radius_m + padding_m";
@@ -413,12 +433,13 @@ impl Laid {
         Some(read(&Section::root(&source, &tree)))
     }
 
-    fn radius_m(&self, loader: &mut Loader) -> f64 {
+    /// Returns the radius of the vehicles; `None` = the simulation cannot be read.
+    fn radius_m(&self, loader: &mut Loader) -> Option<f64> {
         let mut body = BodySpec::default();
         self.look(loader, |root| {
             read_values(&mut body, &root.section("vehicles"))
-        });
-        body.radius_m
+        })?;
+        Some(body.radius_m)
     }
 
     fn venue(&self, loader: &mut Loader) -> Option<Venue> {

@@ -7,6 +7,7 @@ mod object;
 use std::collections::BTreeMap;
 
 pub use self::object::{Object, Outline};
+use super::FileLine;
 use super::forms::{FileName, Name, RequiredPlace, places};
 use super::keys::{
     Form, KeyEntry, Keyed, Keys, List, Number, Numbers, Rowed, Whole, WordChoice, Words, quoted,
@@ -140,7 +141,42 @@ impl SceneFile {
                 root.refuse(&key, "is not above bottom_m", "a body needs a height");
             }
         }
+        check_persons(root, &scene.persons);
         scene
+    }
+
+    /// Returns where its persons stand in the file: of who walks the path, otherwise the place.
+    pub(super) fn lines_of_persons(&self, root: &Section<'_>) -> Vec<FileLine> {
+        let line = |index: usize| {
+            let keys = ["path_m", "at_m"].map(|key| format!("person[{index}].{key}"));
+            let known = keys.iter().find(|key| root.source.is_known(key));
+            root.source.line_of_key(known.unwrap_or(&keys[0]))
+        };
+        (0..self.persons.len()).map(line).collect()
+    }
+}
+
+/// Refuses persons who walk nowhere, and two of one name: what is said of one would be taken for the other.
+fn check_persons(root: &Section<'_>, persons: &[Person]) {
+    for (index, person) in persons.iter().enumerate() {
+        if !person.path.is_empty() && person.path.iter().all(|place| *place == person.at) {
+            let rule = "a place other than at_m is needed, or no path_m for who stands still";
+            root.refuse(&format!("person[{index}].path_m"), "leads nowhere", rule);
+        }
+        let is_same = |other: &&Person| other.name == person.name;
+        let Some(other) = persons[..index].iter().position(|other| is_same(&other)) else {
+            continue;
+        };
+        // A name that was left out is the number's: then the other one was given.
+        let keys = [index, other].map(|index| format!("person[{index}].name"));
+        let is_given = root.source.is_known(&keys[0]);
+        let (key, of) = if is_given {
+            (&keys[0], other)
+        } else {
+            (&keys[1], index)
+        };
+        let wrong = format!("is the name of person[{of}] as well");
+        root.refuse(key, &wrong, "a name of its own is needed");
     }
 }
 

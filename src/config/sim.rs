@@ -2,6 +2,7 @@
 //! bus, sweep and imaging; and the checks that concern several of them together.
 
 mod checks;
+mod expectations;
 
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -13,8 +14,10 @@ pub(in crate::config) use self::checks::{
     refuse_blind_speed, refuse_uncovered_radius, smallest_post,
 };
 use self::checks::{
-    check_echoes, check_look_before_you_drive, check_margins, check_places, check_wind,
+    check_echoes, check_look_before_you_drive, check_margins, check_near_ground, check_places,
+    check_wind,
 };
+use self::expectations::check_expected;
 use super::fault::PlannedFault;
 use super::forms::{LoadedFile, seconds};
 use super::imaging::Imaging;
@@ -33,9 +36,14 @@ use super::vehicle::{
     PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, contact_limits, sensing_limits,
 };
 use super::venue::Venue;
-use super::{Loader, beside, read_kind_over};
+use super::{Loader, SimLines, beside, read_kind_over};
 use crate::geom::Point;
 use crate::plan::{ContactLimits, SensingLimits, SmallestPost};
+
+/// The seeds that there are, in files and as options: whole numbers as TOML has them.
+pub const SEEDS: RangeInclusive<u64> = 0..=i64::MAX as u64;
+/// After how much virtual time a run may be given up, seconds.
+pub const UNTIL_S: RangeInclusive<f64> = 1.0..=1e6;
 
 /// A simulation as its file describes it, checked; a run needs nothing else but a seed.
 #[derive(Clone, PartialEq, Debug)]
@@ -80,6 +88,8 @@ pub struct Sim {
     pub faults: Vec<PlannedFault>,
     /// The seed, unless the command line gives another.
     pub seed: u64,
+    /// Where homes and persons stand in the files, for what is judged later.
+    pub lines: SimLines,
 }
 
 impl Sim {
@@ -181,6 +191,7 @@ impl Sim {
             expect: Expect::default(),
             faults: Vec::new(),
             seed: 0,
+            lines: SimLines::default(),
         }
     }
 
@@ -192,10 +203,23 @@ impl Sim {
         allowed: RangeInclusive<usize>,
         loader: &mut Loader,
     ) -> Option<Sim> {
-        let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
-        let scene = load(root, "scene", loader, |root| Some(SceneFile::read(root)));
+        let mut lines = SimLines::default();
+        let venue = load(root, "venue", loader, |root| {
+            let venue = Venue::read(root);
+            lines.homes = Venue::lines_of_homes(root);
+            Some(venue)
+        });
+        let scene = load(root, "scene", loader, |root| {
+            let scene = SceneFile::read(root);
+            lines.persons = scene.lines_of_persons(root);
+            lines.random_persons = root.source.line_of_key("random_persons");
+            Some(scene)
+        });
         let are_loaded = venue.is_some() && scene.is_some();
-        let mut sim = Sim::blank();
+        let mut sim = Sim {
+            lines,
+            ..Sim::blank()
+        };
         if let Some((file, venue)) = venue {
             (sim.venue_file, sim.venue) = (file, venue);
         }
@@ -226,6 +250,12 @@ impl Sim {
         check_places(root, &sim);
         check_wind(root, &sim);
         check_echoes(root, &sim);
+        check_near_ground(root, &sim);
+        if root.source.is_sound(&[
+            "expect", "end", "mission", "fault", "bus", "until_s", "vehicles",
+        ]) {
+            check_expected(root, &sim);
+        }
         Some(sim)
     }
 
@@ -297,6 +327,7 @@ impl Keyed for SimTable<'_> {
             expect,
             faults,
             seed,
+            lines: _,
         } = &mut *self.sim;
         let table = |name, means| KeyEntry {
             name,
@@ -379,7 +410,7 @@ impl Keyed for SimTable<'_> {
             Number {
                 name: "until_s",
                 default: 14_400.0,
-                allowed: 1.0..=1e6,
+                allowed: UNTIL_S,
                 means,
             },
         );
@@ -413,7 +444,7 @@ impl Keyed for SimTable<'_> {
         );
         let mut number = *seed as usize;
         let means = "of everything random; `--seed` replaces it";
-        let allowed = 0..=i64::MAX as usize;
+        let allowed = *SEEDS.start() as usize..=*SEEDS.end() as usize;
         to.whole(
             &mut number,
             Whole {

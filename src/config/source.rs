@@ -10,7 +10,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::overlay::{OverlaidText, Overlay, merge};
-use super::{Problem, Problems};
+use super::{FileLine, Problem, Problems};
 
 /// The longest text that is read, bytes; a hand-written file is far below.
 const LIMIT_BYTES: usize = 1 << 20;
@@ -94,6 +94,18 @@ impl<'t> Source<'t> {
     pub(super) fn file_of(&self, key: &str) -> String {
         let line = self.places.borrow().get(key).map_or(1, |place| place.line);
         self.place_of(line).0.to_owned()
+    }
+
+    /// Returns where a key's value stands; the first line when it is not known.
+    pub(super) fn line_of_key(&self, key: &str) -> FileLine {
+        self.file_line(self.places.borrow().get(key).map_or(1, |place| place.line))
+    }
+
+    /// Returns the line of a file that a line of the text is.
+    pub(super) fn file_line(&self, line: usize) -> FileLine {
+        let (file, line) = self.place_of(line);
+        let file = file.to_owned();
+        FileLine { file, line }
     }
 
     /// Returns the file and the line of what stands in a line of the text.

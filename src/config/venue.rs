@@ -6,6 +6,7 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 use tomoswarm_proto::TILE_SIDE;
 
+use super::FileLine;
 use super::forms::{Name, RequiredPlaces, places};
 use super::keys::{
     Form, KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Numbers, number, read_table,
@@ -163,6 +164,13 @@ impl Venue {
             check_homes(root, &venue);
         }
         venue
+    }
+
+    /// Returns where the homes of a venue stand in its file.
+    pub(super) fn lines_of_homes(root: &Section<'_>) -> Vec<FileLine> {
+        let homes = root.list("homes_m").unwrap_or_default().iter();
+        let lines = homes.map(|home| root.source.line_of(home.span()));
+        lines.map(|line| root.source.file_line(line)).collect()
     }
 }
 

@@ -179,7 +179,7 @@ impl Board {
                 );
             }
             BoardInput::MarkEnded(number, outcome) => {
-                self.marks.given.end(*number, *outcome);
+                self.marks.given.end(*number, outcome.clone());
                 self.mark_event(now, format!("mark {number}: {outcome}"));
             }
         }

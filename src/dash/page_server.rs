@@ -261,7 +261,7 @@ impl PageServer {
             self.tell(now, &BoardInput::Ended(*number, outcome.clone()));
         }
         if let Out::Marked(number, outcome) = out {
-            self.tell(now, &BoardInput::MarkEnded(*number, *outcome));
+            self.tell(now, &BoardInput::MarkEnded(*number, outcome.clone()));
         }
     }
 

@@ -512,7 +512,7 @@ pub fn marks(now: Time, board: &Board) -> String {
             "age_s": now.since(given.at).as_secs_f64(),
             "isOver": given.outcome.is_some(),
             "isDone": matches!(given.outcome, Some(MarkOutcome::Stored(_))),
-            "words": given.outcome.map(|outcome| outcome.to_string()),
+            "words": given.outcome.as_ref().map(MarkOutcome::to_string),
         })
     };
     json!({

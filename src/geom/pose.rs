@@ -16,6 +16,16 @@ pub struct Pose {
     pub sd_m: f64,
 }
 
+/// By so many deviations a coordinate of a place may be off at most, as far as anybody reckons with it.
+pub const WORST_DEVIATIONS: f64 = 3.0;
+
+impl Pose {
+    /// Returns by how much each coordinate of the place may be off at most, metres.
+    pub fn off_m(&self) -> f64 {
+        WORST_DEVIATIONS * self.sd_m
+    }
+}
+
 impl From<PoseReport> for Pose {
     #[inline]
     fn from(report: PoseReport) -> Pose {

@@ -24,6 +24,22 @@ impl Segment {
         self.to - self.from
     }
 
+    /// Returns what of it lies up to a length from its start, metres, and what lies beyond, each unless there is none.
+    pub fn split_at(self, length_m: f64) -> (Option<Segment>, Option<Segment>) {
+        let whole_m = self.length_m();
+        if length_m >= whole_m {
+            return (Some(self), None);
+        }
+        if length_m <= 0.0 {
+            return (None, Some(self));
+        }
+        let at = self.from.toward(self.to, length_m / whole_m);
+        (
+            Some(Segment::new(self.from, at)),
+            Some(Segment::new(at, self.to)),
+        )
+    }
+
     /// Returns the length, metres.
     #[inline]
     pub fn length_m(self) -> f64 {
@@ -112,6 +128,23 @@ mod tests {
         let link = segment(0.0, 0.0, 6.0, 0.0);
         assert_eq!(link.excess_path_m(Point::new(2.0, 0.0)), 0.0);
         assert_eq!(link.excess_path_m(Point::new(3.0, 4.0)), 4.0);
+    }
+
+    #[test]
+    fn the_parts_of_a_split_segment_are_the_segment() {
+        let whole = segment(1.0, 1.0, 4.0, 5.0);
+        let middle = Point::new(2.2, 2.6);
+        let (first, rest) = whole.split_at(2.0);
+        assert!(first.unwrap().to.distance_to(middle) < 1e-12);
+        assert_eq!(
+            (first.unwrap().from, rest.unwrap().to),
+            (whole.from, whole.to)
+        );
+        assert_eq!(first.unwrap().to, rest.unwrap().from);
+        assert_eq!(whole.split_at(5.0), (Some(whole), None));
+        assert_eq!(whole.split_at(-1.0), (None, Some(whole)));
+        let dot = segment(1.0, 1.0, 1.0, 1.0);
+        assert_eq!(dot.split_at(0.0), (Some(dot), None));
     }
 
     #[test]

@@ -176,6 +176,16 @@ impl Merged {
         Ok(JoinResult::Newer { newly_occupied })
     }
 
+    /// Takes of all that another map holds what is newer than what is known here; what [`Merged::join`] refuses is left out.
+    pub fn join_all(&mut self, other: &Merged) {
+        for (id, layer) in other.layers() {
+            for (address, tile) in layer.tiles() {
+                // A full map, and one that writes this layer itself, stay as they are.
+                let _ = self.join(&tile.report(id, address));
+            }
+        }
+    }
+
     /// Takes a tile of the map actor of the same vehicle: see [`Merged::join`].
     ///
     /// # Errors

@@ -81,13 +81,18 @@ struct VehicleInputs<'f> {
 
 impl VehicleInputs<'_> {
     fn settings(&self, vehicle: VehicleId, boot: Boot, home: Point) -> VehicleSettings {
+        let (fence, area) = (&self.venue.fence, self.venue.area.polygon());
+        let around_area_m = fence
+            .edges()
+            .flat_map(|edge| area.edges().map(move |side| side.distance_to(edge)));
         VehicleSettings {
             vehicle,
             boot,
             memory: VehicleMemory::default(),
             stops: OpenStops::default(),
             listens_for: LISTENS_FOR,
-            fence: self.venue.fence.clone(),
+            fence: fence.clone(),
+            fence_room_m: around_area_m.fold(fence.distance_to_edge(home), f64::min),
             home,
             lattice: Lattice::new(self.venue.cell_m),
             slice: 0,

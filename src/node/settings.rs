@@ -8,7 +8,7 @@ use tomoswarm_proto::{Boot, LayerId, OpenStops, TaskKind, VehicleId};
 use super::memory::VehicleMemory;
 use crate::autopilot;
 use crate::config::{Safety, Swarm};
-use crate::geom::{Angle, Lattice, Point, Polygon};
+use crate::geom::{Angle, Lattice, Point, Polygon, Pose};
 use crate::plan::{Mounts, SmallestPost};
 
 /// Everything that the actors of one vehicle need to know.
@@ -26,6 +26,8 @@ pub struct VehicleSettings {
     pub listens_for: Duration,
     /// Where vehicles may be.
     pub fence: Polygon,
+    /// How far from the fence its home and the border of the area are, at least, metres.
+    pub fence_room_m: f64,
     /// Where it returns to.
     pub home: Point,
     /// The cells of the map.
@@ -127,6 +129,13 @@ impl VehicleSettings {
     /// Returns how far from where it is sent its body may be, metres: its radius, and what wind carries it aside.
     pub fn reach_m(&self) -> f64 {
         self.body.radius_m + self.carried_m
+    }
+
+    /// Returns how far the middle of a vehicle at a pose stays from the fence, metres: its reach, and what its place may be
+    /// off; but not more than the venue leaves at its home and around the area, where it has to be.
+    pub fn fence_reach_m(&self, pose: Pose) -> f64 {
+        let reach_m = self.reach_m();
+        (reach_m + pose.off_m()).min(self.fence_room_m).max(reach_m)
     }
 
     /// Returns half the width of the corridor that must be free for a pose deviation, metres.

@@ -16,6 +16,9 @@ use crate::time::Time;
 /// A mark that is not stored yet is said again after this long.
 const REPEAT: Duration = Duration::from_millis(200);
 
+/// How the troubles begin that a ground station shows while it cannot store marks.
+const STORE_TROUBLES: [&str; 3] = ["store of marks: ", "store: ", "folder: "];
+
 /// A mark as an operator wants it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct MarkRequest {
@@ -30,7 +33,7 @@ pub struct MarkRequest {
 }
 
 /// How a mark ended.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum MarkOutcome {
     /// The ground station has stored it.
     Stored(Mark),
@@ -38,6 +41,13 @@ pub enum MarkOutcome {
     NoRun,
     /// It was said, and no ground station has said that it is stored.
     NotStored(Mark),
+    /// It was said, and the ground station shows why it stores no marks.
+    StoreInTrouble {
+        /// What was said.
+        mark: Mark,
+        /// What is wrong, in the ground station's words.
+        trouble: String,
+    },
     /// It was withdrawn before.
     Withdrawn,
     /// The ground station knows no such run, and so nothing was said.
@@ -63,6 +73,13 @@ impl fmt::Display for MarkOutcome {
                     to,
                     "no ground station has stored the mark at {place} of run {run} in time; one that has heard it, and whose disk is full, \
                      stores it once there is room"
+                )
+            }
+            MarkOutcome::StoreInTrouble { mark, trouble } => {
+                let (run, place) = (mark.run, place(mark));
+                write!(
+                    to,
+                    "the ground station has not stored the mark at {place} of run {run} in time: {trouble}"
                 )
             }
             MarkOutcome::Withdrawn => to.write_str("withdrawn"),
@@ -177,16 +194,29 @@ impl GivenMarks {
         over.into_iter().filter_map(refused).collect()
     }
 
-    /// Returns the marks whose time is up.
-    pub(super) fn given_up(&mut self, now: Time) -> Vec<(u32, MarkOutcome)> {
+    /// Takes out the marks whose time is up.
+    pub(super) fn given_up(&mut self, now: Time, view: &FleetView) -> Vec<(u32, MarkOutcome)> {
         let over = self.take(|given| now >= given.until).into_iter();
+        let trouble = view.ground(now).and_then(|report| {
+            let is_of_store = |trouble: &&String| {
+                let mut names = STORE_TROUBLES.iter();
+                names.any(|name| trouble.starts_with(name))
+            };
+            report.value.troubles.iter().find(is_of_store)
+        });
         let outcome = |given: OpenMark| {
             let MarkRequest {
                 run, at, stands, ..
             } = given.request;
             let named = run.map(|run| Mark { run, at, stands });
-            let mark = given.said.map(|(mark, _)| mark).or(named);
-            mark.map_or(MarkOutcome::NoRun, MarkOutcome::NotStored)
+            match (given.said, trouble, named) {
+                (Some((mark, _)), Some(trouble), _) => MarkOutcome::StoreInTrouble {
+                    mark,
+                    trouble: trouble.clone(),
+                },
+                (Some((mark, _)), None, _) | (None, _, Some(mark)) => MarkOutcome::NotStored(mark),
+                (None, _, None) => MarkOutcome::NoRun,
+            }
         };
         over.map(|(number, given)| (number, outcome(given)))
             .collect()
@@ -255,7 +285,10 @@ mod tests {
         };
         assert_eq!(marks.stored(other), vec![]);
         assert_eq!(marks.stored(mark), vec![(7, MarkOutcome::Stored(mark))]);
-        assert_eq!((marks.next(), marks.given_up(at(9.0))), (None, vec![]));
+        assert_eq!(
+            (marks.next(), marks.given_up(at(9.0), &view)),
+            (None, vec![])
+        );
     }
 
     #[test]
@@ -286,8 +319,8 @@ mod tests {
         );
         let (run, newest) = (RunId(9), RunId(4));
         let refused = MarkOutcome::UnknownRun { run, newest };
-        assert_eq!(marks.of_unknown_runs(at(0.2), &view), vec![(1, refused)]);
         assert_eq!(refused.to_string(), "there is no run 9: the newest is 4");
+        assert_eq!(marks.of_unknown_runs(at(0.2), &view), vec![(1, refused)]);
         assert_eq!(marks.due(at(0.2), &view, true).len(), 1);
     }
 
@@ -297,10 +330,41 @@ mod tests {
         marks.give(at(0.0), 1, request(None));
         marks.give(at(0.0), 2, request(Some(RunId(9))));
         assert_eq!(marks.due(at(0.1), &FleetView::default(), true), vec![]);
-        assert_eq!(marks.given_up(at(2.9)), vec![]);
-        let over = marks.given_up(at(3.0));
-        let is_of_run = |outcome: MarkOutcome| matches!(outcome, MarkOutcome::NotStored(mark) if mark.run == RunId(9));
+        let nobody = FleetView::default();
+        assert_eq!(marks.given_up(at(2.9), &nobody), vec![]);
+        let over = marks.given_up(at(3.0), &nobody);
+        let is_of_run = |outcome: &MarkOutcome| matches!(outcome, MarkOutcome::NotStored(mark) if mark.run == RunId(9));
         assert_eq!(over[0], (1, MarkOutcome::NoRun));
-        assert!(over[1].0 == 2 && is_of_run(over[1].1));
+        assert!(over[1].0 == 2 && is_of_run(&over[1].1));
+    }
+
+    #[test]
+    fn a_mark_that_meets_a_full_disk_is_given_up_with_the_words_of_the_ground() {
+        let full = "store of marks: g.sqlite: the disk is full";
+        for (troubles, expected) in [
+            (
+                vec!["clock: off", full],
+                "the ground station has not stored the mark at (8, 12.25) of run 4 in time: store of marks: g.sqlite: the disk \
+                 is full",
+            ),
+            (
+                vec!["store of samples: g.sqlite: the disk is full"],
+                "no ground station has stored",
+            ),
+        ] {
+            let (mut marks, mut view) = (GivenMarks::default(), view_of(4));
+            marks.give(at(0.0), 1, request(None));
+            assert_eq!(marks.due(at(0.1), &view, true).len(), 1);
+            let report = GroundReport {
+                run: RunId(4),
+                troubles: troubles.into_iter().map(str::to_owned).collect(),
+                ..report()
+            };
+            view.hear(at(1.0), &heard(Message::Report(report)));
+            let over = marks.given_up(at(3.0), &view);
+            assert_eq!(over.len(), 1);
+            let said = over[0].1.to_string();
+            assert!(said.starts_with(expected), "{said}");
+        }
     }
 }

@@ -267,7 +267,7 @@ impl Operator {
     /// Says the marks that are due, and ends those whose time is up and those in runs that there are not.
     fn look_after_marks(&mut self, now: Time, out: &mut Vec<Out>) {
         let mut over = self.marks.of_unknown_runs(now, &self.view);
-        over.extend(self.marks.given_up(now));
+        over.extend(self.marks.given_up(now, &self.view));
         out.extend(
             over.into_iter()
                 .map(|(number, how)| Out::Marked(number, how)),

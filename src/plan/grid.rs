@@ -327,6 +327,24 @@ impl SearchGrid {
         }
     }
 
+    /// Opens a cell that was closed; what stands there, or near it, bars it still.
+    #[inline]
+    pub fn reopen(&mut self, cell: Cell) {
+        if let Some(index) = self.index(cell) {
+            self.flags[index] &= !CLOSED;
+        }
+    }
+
+    /// Takes a cell that was closed for one that is too near to something: a vehicle may leave it.
+    #[inline]
+    pub fn let_leave(&mut self, cell: Cell) {
+        if let Some(flags) = self.index(cell).map(|index| &mut self.flags[index])
+            && *flags & CLOSED != 0
+        {
+            *flags = *flags & !CLOSED | NEAR;
+        }
+    }
+
     /// Takes note of where the vehicle stands: nothing else stands there, and no closed cell holds it.
     #[inline]
     pub fn stand_on(&mut self, cell: Cell) {
@@ -344,6 +362,13 @@ impl SearchGrid {
             self.flags[index] &= !NEAR;
         }
         has_opened
+    }
+
+    /// Opens the cells under a track, whatever bars them.
+    pub fn open_wholly_along(&mut self, track: &[Point]) {
+        for index in self.under(track) {
+            self.flags[index] = 0;
+        }
     }
 
     /// Closes all cells that do not lie under a track.

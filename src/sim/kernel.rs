@@ -36,6 +36,7 @@ use super::environment::{DeviceCommand, WorldEvent};
 use super::faults::SoftwareFaultEvent;
 use super::noise::Noise;
 use super::operator_script::{PERSONS_ENTER, SCENARIO_OPERATOR};
+use super::outcome::FleetCount;
 use super::run_monitor::{RunMonitor, RunState};
 use super::run_view::{RunView, VehicleSnapshot};
 use crate::actor::Fault;
@@ -169,8 +170,7 @@ impl Kernel {
         }
         let what = self.nodes.ground().holdings();
         self.record.line(now, "ground", format_args!("{what}"));
-        let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
-        let fleet = self.nodes.count_fleet(rests);
+        let fleet = self.fleet(now);
         let mut environment = self.environment.into_environment();
         FinishedRun {
             fleet,
@@ -178,11 +178,18 @@ impl Kernel {
             monitor: self.monitor,
             min_separation_m: environment.min_separation_m(now),
             environment,
+            map: self.nodes.known_map(),
             ground: self.nodes.into_ground(),
             bus: self.network.into_bus(),
             ended_at: self.schedule.ended_at().unwrap_or(now),
             is_time_up: self.schedule.ended_at().is_none(),
         }
+    }
+
+    fn fleet(&self, now: Time) -> FleetCount {
+        let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
+        let has_ended = |vehicle| self.monitor.has_ended(vehicle);
+        self.nodes.count_fleet(rests, has_ended)
     }
 
     fn happen(&mut self, event: ScheduledEvent) -> Result<(), Fault> {
@@ -293,8 +300,7 @@ impl Kernel {
         self.monitor.hear_of_mission(vehicle, event);
         match event {
             MissionEvent::Home => {
-                let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
-                let fleet = self.nodes.count_fleet(rests);
+                let fleet = self.fleet(now);
                 self.follow(self.monitor.came_home(fleet.home, fleet.alive));
             }
             MissionEvent::Ended(end) => {

@@ -63,6 +63,14 @@ impl RunMonitor {
         self.is_done
     }
 
+    /// Returns whether the mission of a vehicle, by its index, has ended, or the sweep that is wanted.
+    pub(super) fn has_ended(&self, vehicle: usize) -> bool {
+        match self.is_swept {
+            true => self.is_done,
+            false => self.missions[vehicle].1.is_some(),
+        }
+    }
+
     /// Returns how many vehicles at least must be there for what is wanted to come about.
     pub(super) fn least_vehicles(&self) -> usize {
         let is_sweep_wanted = self.is_swept && self.expect == Expect::Finished && !self.is_done;

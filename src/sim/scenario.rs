@@ -1,8 +1,10 @@
 //! From a checked simulation file, its shapes and a seed to a run, and from the run to its outcome.
 
+mod error;
 mod runs;
 mod walks;
 
+pub use error::ScenarioError;
 pub use runs::RunError;
 
 use std::time::Duration;
@@ -33,76 +35,12 @@ use crate::ground::planner::Method;
 use crate::node::VehicleSettings as NodeSettings;
 use crate::operator::script::ScriptStep;
 use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
-use crate::sweep::{Ring, SweepError};
+use crate::sweep::Ring;
 use crate::time::Time;
-use crate::tomo::{ImagingSettings as ImageSettings, TomoError};
+use crate::tomo::ImagingSettings as ImageSettings;
 
 /// Tries to place a person before the scene is held to be too full.
 const PLACING_TRIES: u64 = 10_000;
-
-/// Why a scenario cannot be run.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-pub enum ScenarioError {
-    /// The scene cannot be built.
-    #[error("scene: {0}")]
-    Scene(#[from] SceneError),
-    /// There is no room for the persons.
-    #[error("scene: no room for person {number} of {count} within the rules of [random_persons]")]
-    NoRoom {
-        /// Which one.
-        number: usize,
-        /// Of how many.
-        count: usize,
-    },
-    /// Somebody cannot walk where the file says.
-    #[error("scene: person {name} walks at ({:.2}, {:.2}) m {reason}", at.0, at.1)]
-    Walk {
-        /// Who.
-        name: String,
-        /// Where, metres.
-        at: (f64, f64),
-        /// Why not, and what was expected.
-        reason: String,
-    },
-    /// A vehicle starts inside something, or where wind carries it into something.
-    #[error(
-        "homes_m of the venue: vehicle {vehicle} starts {clearance_m:.2} m from an object; \
-         more than its radius of {radius_m} m is needed{}",
-        carried(*carried_m)
-    )]
-    StartsInside {
-        /// Which one.
-        vehicle: VehicleId,
-        /// Distance from its middle to the object, metres.
-        clearance_m: f64,
-        /// Its radius, metres.
-        radius_m: f64,
-        /// How far wind carries it, metres.
-        carried_m: f64,
-    },
-    /// The ring cannot be laid around the area.
-    #[error("sweep: {0}")]
-    Sweep(#[from] SweepError),
-    /// The image cannot be made.
-    #[error("imaging: {0}")]
-    Image(#[from] TomoError),
-    /// A vehicle cannot be put into the world.
-    #[error("vehicle {vehicle}: {reason}")]
-    Body {
-        /// Which one.
-        vehicle: VehicleId,
-        /// Why.
-        reason: String,
-    },
-}
-
-/// Returns what is needed beside the radius where wind carries a vehicle.
-fn carried(carried_m: f64) -> String {
-    match carried_m > 0.0 {
-        true => format!(", and the {carried_m:.2} m by which wind carries it"),
-        false => String::new(),
-    }
-}
 
 /// A simulation with a seed, ready to be run.
 pub struct Scenario {
@@ -243,6 +181,7 @@ impl Scenario {
                 });
             let Some(at) = place else {
                 return Err(ScenarioError::NoRoom {
+                    line: self.sim.lines.random_persons.clone(),
                     number,
                     count: rules.count,
                 });
@@ -273,7 +212,7 @@ impl Scenario {
 
     fn check_starts(&self, structure: &Scene) -> Result<(), ScenarioError> {
         let vehicles = &self.sim.vehicles;
-        for vehicle in self.sim.vehicle_ids() {
+        for (index, vehicle) in self.sim.vehicle_ids().enumerate() {
             let Some(home) = self.sim.home(vehicle) else {
                 continue;
             };
@@ -283,6 +222,7 @@ impl Scenario {
             let (radius_m, carried_m) = (vehicles.body.radius_m, vehicles.flight.carried_m());
             if clearance_m <= radius_m + carried_m {
                 return Err(ScenarioError::StartsInside {
+                    line: self.sim.lines.homes.get(index).cloned(),
                     vehicle,
                     clearance_m,
                     radius_m,
@@ -517,6 +457,7 @@ impl Scenario {
             monitor,
             environment,
             ground,
+            map,
             bus,
             ended_at,
             is_time_up,
@@ -550,7 +491,7 @@ impl Scenario {
             change,
             structure,
             not_made,
-            map: station.map().clone(),
+            map,
             tracks: record.tracks,
             missions: match self.sim.is_planned_by_ground() {
                 true => Vec::new(),

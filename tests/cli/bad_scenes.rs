@@ -208,7 +208,10 @@ fn persons_who_do_not_fit_are_refused() {
     );
     runner.refused(
         &["sim", "small.sim.toml"],
-        &["small.sim.toml", "no room for person 1", "[random_persons]"],
+        &[
+            "small.scene.toml:9: random_persons: no room for person 1 of 1",
+            "fewer persons or smaller distances are needed",
+        ],
     );
 }
 
@@ -221,7 +224,10 @@ fn a_home_inside_a_wall_or_a_person_is_refused() {
     );
     runner.refused(
         &["sim", "small.sim.toml"],
-        &["small.sim.toml", "vehicle 2 starts", "from an object"],
+        &[
+            "small.venue.toml:5: homes_m: vehicle 2 starts",
+            "from an object",
+        ],
     );
     let runner = ProgramRunner::new();
     runner.write(
@@ -230,7 +236,10 @@ fn a_home_inside_a_wall_or_a_person_is_refused() {
     );
     runner.refused(
         &["sim", "small.sim.toml"],
-        &["small.sim.toml:3", "anna", "vehicle 1", "home"],
+        &[
+            "small.sim.toml:3: ",
+            "anna (small.scene.toml:16) stands in the way of vehicle 1 at its home",
+        ],
     );
 }
 
@@ -275,8 +284,7 @@ fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
     runner.refused(
         &["sim", "small.sim.toml"],
         &[
-            "homes_m",
-            "vehicle 1 starts 0.00 m from an object",
+            "small.venue.toml:5: homes_m: vehicle 1 starts 0.00 m from an object",
             "0.25 m",
         ],
     );
@@ -395,8 +403,82 @@ fn who_walks_through_a_wall_or_over_the_fence_is_refused() {
         let person = format!("[[person]]\nname = \"ada\"\nat_m = [1.5, 1.5]\npath_m = {path}\n");
         runner.write("small.scene.toml", format!("{SCENE}{person}"));
         for command in ["check", "sim"] {
-            let parts = ["scene: person ada walks at (", part];
-            runner.refused(&[command, "small.sim.toml"], &parts);
+            let place = "small.scene.toml:16: person[0].path_m: person ada walks at (";
+            runner.refused(&[command, "small.sim.toml"], &[place, part]);
         }
     }
+}
+
+#[test]
+fn homes_in_several_lines_are_named_with_their_own() {
+    let runner = ProgramRunner::new();
+    runner.change("small.venue.toml", "], [8.85, 8.85]", "],\n  [8.85, 8.85]");
+    runner.change("small.wrl", "translation 3 3 1", "translation 8.85 8.85 1");
+    runner.refused(
+        &["check", "small.sim.toml"],
+        &["small.venue.toml:6: homes_m: vehicle 2 starts"],
+    );
+}
+
+#[test]
+fn who_walks_over_a_home_is_refused() {
+    let runner = ProgramRunner::new();
+    let walk = |path: &str| {
+        let person = format!("[[person]]\nname = \"ada\"\nat_m = [-0.9, 3.0]\npath_m = {path}\n");
+        runner.write("small.scene.toml", format!("{SCENE}{person}"));
+    };
+    // The home of vehicle 1 lies between two places of the walk.
+    walk("[[-0.9, 2.0], [-0.9, -2.0]]");
+    for command in ["check", "sim"] {
+        let parts = [
+            "small.sim.toml:3: ",
+            "ada (small.scene.toml:16) walks in the way of vehicle 1 at its home",
+            "0.65 m from (-0.85, -0.85) at least",
+        ];
+        runner.refused(&[command, "small.sim.toml"], &parts);
+    }
+    walk("[[-0.9, 0.0]]");
+    assert_eq!(runner.run(&["check", "small.sim.toml"]).code, 0);
+}
+
+#[test]
+fn who_walks_nowhere_and_who_has_the_name_of_another_are_refused() {
+    let runner = ProgramRunner::new();
+    // The wall is at (3, 3).
+    let persons = "[[person]]\nat_m = [3, 3]\npath_m = [[3.0, 3.0]]\n\
+                   [[person]]\nname = \"ada\"\nat_m = [1, 6]\n\
+                   [[person]]\nname = \"ada\"\nat_m = [6, 1]\n\
+                   [[person]]\nname = \"person-5\"\nat_m = [6, 5]\n\
+                   [[person]]\nat_m = [5, 6]\n";
+    runner.write("small.scene.toml", format!("{SCENE}{persons}"));
+    for file in ["small.scene.toml", "small.sim.toml"] {
+        let parts = [
+            "small.scene.toml:15: person[0].path_m = [[3.0, 3.0]]: leads nowhere; a place other than at_m is needed",
+            "small.scene.toml:20: person[2].name = \"ada\": is the name of person[1] as well",
+            "small.scene.toml:23: person[3].name = \"person-5\": is the name of person[4] as well",
+        ];
+        runner.refused(&["check", file], &parts);
+    }
+}
+
+#[test]
+fn who_is_never_in_the_area_that_is_imaged_is_warned_of_where_persons_are_searched_for() {
+    let runner = ProgramRunner::new();
+    let persons = "[[person]]\nname = \"ada\"\nat_m = [10, 4]\n\
+                   [[person]]\nname = \"bob\"\nat_m = [10, 2]\npath_m = [[10, 3], [9, 3]]\n\
+                   [[person]]\nname = \"cy\"\nat_m = [10, 6]\npath_m = [[6, 6]]\n";
+    runner.write("small.scene.toml", format!("{SCENE}{persons}"));
+    let output = runner.run(&["check", "small.sim.toml"]);
+    let area =
+        "outside the area that is imaged (area_m, from (0, 0) to (8, 8) m), where nobody is found";
+    for expected in [
+        format!("person ada at (10.00, 4.00) m stands {area}"),
+        format!("person bob at (10.00, 2.00) m walks {area}"),
+    ] {
+        assert!(output.out.contains(&expected), "{expected}: {output:?}");
+    }
+    assert!(!output.out.contains("cy at"), "{output:?}");
+    runner.change("small.sim.toml", "empty_sweep = true\n", "");
+    let output = runner.run(&["check", "small.sim.toml"]);
+    assert!(!output.out.contains("that is imaged"), "{output:?}");
 }

@@ -43,16 +43,19 @@ fn a_number_of_vehicles_out_of_range_is_refused() {
 
 #[test]
 fn seeds_times_and_trials_out_of_range_are_refused() {
-    for seed in ["-1", "1.5", "x", "18446744073709551616"] {
+    // The limits are those of the keys `seed` and `until_s`.
+    let seeds = "a whole number from 0 to 9223372036854775807";
+    for seed in ["-1", "1.5", "x", "9223372036854775808"] {
         check(
             &["sim", "--seed", seed],
-            &[&format!("'{seed}'"), "--seed <N>"],
+            &[&format!("'{seed}'"), "--seed <N>", seeds],
         );
     }
-    for until in ["0", "nan", "-5", "inf", "1e300", "soon"] {
+    let times = "a number of seconds from 1 to 1000000";
+    for until in ["0", "nan", "-5", "inf", "1e300", "soon", "1000000.1"] {
         check(
             &["sim", "--until", until],
-            &[&format!("'{until}'"), "--until <SECONDS>"],
+            &[&format!("'{until}'"), "--until <SECONDS>", times],
         );
     }
     for trials in ["0", "-1", "many"] {
@@ -62,8 +65,8 @@ fn seeds_times_and_trials_out_of_range_are_refused() {
         );
     }
     check(
-        &["sim", "--trials", "2", "--seed", "18446744073709551615"],
-        &["2 seeds from", "beyond"],
+        &["sim", "--trials", "2", "--seed", "9223372036854775807"],
+        &["2 seeds from", "beyond the last one, 9223372036854775807"],
     );
     check(
         &["sim", "--trials", "2", "--out", "run"],

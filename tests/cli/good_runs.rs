@@ -515,3 +515,27 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
     assert_ne!(runner.read("one/view.png"), runner.read("two/view.png"));
     assert_eq!(runner.names_in("one"), ["plan.png", "view.png"]);
 }
+
+#[test]
+fn a_patrol_without_limits_is_done_when_its_battery_is_low_and_warned_of_when_that_comes_too_late()
+{
+    let runner = ProgramRunner::new();
+    let patrol = "kind = \"sim\"\nvenue = \"small.venue.toml\"\nscene = \"small.scene.toml\"\nuntil_s = 600.0\n\
+                  [mission]\nkind = \"patrol\"\nrounds = 0\n[vehicles]\ncount = 1\n";
+    runner.write("small.sim.toml", patrol);
+    let warning = "the patrol goes on until the battery is low, after";
+    let output = runner.run(&["sim", "small.sim.toml", "--no-pictures"]);
+    assert!(output.err.contains(warning), "{output:?}");
+    assert_eq!(output.code, 1, "{output:?}");
+    runner.write(
+        "small.sim.toml",
+        format!("{patrol}endurance_driving_s = 200\n"),
+    );
+    let output = runner.run(&["sim", "small.sim.toml", "--no-pictures"]);
+    assert!(!output.err.contains(warning), "{output:?}");
+    assert_eq!(output.code, 0, "{output:?}");
+    assert!(
+        output.out.contains("missions done     1 of 1"),
+        "{output:?}"
+    );
+}

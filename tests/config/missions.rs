@@ -185,3 +185,40 @@ fn a_waypoint_file_is_refused_with_its_own_lines() {
         &["mission.waypoints_m", "beside a file"],
     );
 }
+
+#[test]
+fn an_end_that_the_keys_rule_out_is_refused_unless_something_may_go_wrong() {
+    let lines = |expect: &str, end: &str, more: &str| {
+        format!("expect = \"{expect}\"\nend = \"{end}\"\n{more}")
+    };
+    let explore = "[mission]\nkind = \"explore\"\n";
+    for mission in ["", explore] {
+        check_refused(
+            &lines("home", "hold", mission),
+            "",
+            &[
+                "configs/a.toml:4: expect = \"home\": is never so with end = \"hold\"",
+                "end = \"return\" is needed",
+            ],
+        );
+        check_refused(
+            &lines("held", "return", mission),
+            "",
+            &[
+                "configs/a.toml:4: expect = \"held\": is never so with end = \"return\"",
+                "end = \"hold\" is needed",
+            ],
+        );
+    }
+    let fault = "[[fault]]\nkind = \"bus\"\nat_s = 90\n";
+    let battery = "vehicles.endurance_driving_s = 600\n";
+    let lossy = "bus.drop_share = 0.1\n";
+    for (expect, end) in [("home", "hold"), ("held", "return")] {
+        for more in [fault, battery, lossy] {
+            assert!(read(&lines(expect, end, more)).is_ok(), "{expect} {more}");
+        }
+    }
+    for (expect, end) in [("home", "return"), ("held", "hold"), ("finished", "hold")] {
+        assert!(read(&lines(expect, end, explore)).is_ok(), "{expect} {end}");
+    }
+}

@@ -203,3 +203,26 @@ fn silence_from_afar_is_believed_of_rounds_that_leave_no_gap_beside_the_vehicle(
     let said = in_sim(&format!("{slow}range.lobe = \"beam\"\n")).unwrap_err();
     assert!(said.contains("drives past 0.55 m"), "{said}");
 }
+
+#[test]
+fn a_sensor_that_leaves_ground_beside_the_body_unseen_is_refused() {
+    let explorer = |lines: &str| in_sim(&format!("mission.kind = \"explore\"\n{lines}"));
+    for sensor in [explorer, in_sim] {
+        let wrong = sensor("range.min_range_m = 0.3\n").unwrap_err();
+        for part in [
+            "configs/x.toml:",
+            "range.min_range_m = 0.3: leaves ground just beside a body with a radius of 0.25 m unseen",
+            "at most 0.25 m is allowed for this radius",
+        ] {
+            assert!(wrong.contains(part), "{wrong}");
+        }
+        for fits in [
+            "range.min_range_m = 0.25\n",
+            "range.min_range_m = 0.3\nvehicles.radius_m = 0.3\n",
+        ] {
+            assert!(sensor(fits).is_ok(), "{fits}: {:?}", sensor(fits));
+        }
+    }
+    let looks = "mission.kind = \"browse\"\nrange.min_range_m = 0.3\n";
+    assert!(in_sim(looks).is_ok(), "who only looks around stays");
+}

@@ -456,6 +456,7 @@ fn settings(vehicle: u8, boot: u32) -> VehicleSettings {
         stops: Default::default(),
         listens_for: std::time::Duration::ZERO,
         fence: Rect::new(Point::new(-50.0, -50.0), Point::new(100.0, 100.0)).polygon(),
+        fence_room_m: 1.0,
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,

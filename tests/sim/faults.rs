@@ -3,6 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use tomoswarm::sim::{SLICE, visible};
+
 use crate::place::{Place, assert_settled};
 
 fn place(vehicles: usize, root: &str, faults: &str) -> Place {
@@ -151,6 +153,24 @@ fn vehicles_whose_ground_station_is_gone_drive_their_plan_to_its_end() {
         .collect();
     assert_eq!(maps.len(), 1, "they tell each other what they see");
     assert!(!outcome.finished);
+}
+
+#[test]
+fn what_vehicles_have_seen_is_told_although_the_ground_station_is_dead_or_off_the_bus() {
+    let seen = |faults: &str| {
+        let explored = Place::new(8.0, 8.0)
+            .block((4.0, 4.0, 1.0, 1.0))
+            .root("end = \"hold\"\nuntil_s = 2000.0")
+            .with(&format!("[mission]\nkind = \"explore\"\n{faults}"))
+            .run_safely();
+        visible::occupied(&explored.map, SLICE)
+    };
+    let ground = |kind: &str| format!("[[fault]]\nkind = \"{kind}\"\nat_s = 5.0\nground = true\n");
+    let by_all = seen("");
+    assert!(by_all > 10, "{by_all}");
+    assert_eq!(seen(&ground("dead")), by_all);
+    let apart = seen(&ground("bus"));
+    assert!(10 * apart > 8 * by_all, "{apart} of {by_all}");
 }
 
 #[test]

@@ -242,6 +242,24 @@ fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
     assert_eq!((end_of(&low, 1), low.home), (&EndReason::BatteryLow, 1));
 }
 
+#[test]
+fn vehicles_that_have_ended_their_mission_and_are_to_stay_hold() {
+    let held = |mission: &str, vehicles: usize| {
+        Place::new(8.0, 8.0)
+            .vehicles(vehicles)
+            .root("end = \"hold\"\nexpect = \"held\"\nuntil_s = 3600.0")
+            .with(mission)
+            .run_to_the_end()
+            .held
+    };
+    assert_eq!(held("[mission]\nkind = \"explore\"", 2), 2);
+    assert_eq!(
+        held("[mission]\nkind = \"forward\"\ndistance_m = 1.0", 1),
+        1
+    );
+    assert_eq!(held("", 2), 2, "a sweep");
+}
+
 /// Cells of the yard, fence included, that a rover could see and does not know.
 fn unknown_share(outcome: &RunOutcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
     let lattice = outcome.map.lattice();

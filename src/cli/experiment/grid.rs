@@ -12,7 +12,7 @@ use crate::cli::load::{self, LoadedSimulation};
 use crate::cli::read;
 use crate::config::{self, Experiment, Problems, Sim, SourceFile};
 use crate::scene::VrmlScene;
-use crate::sim::{Scenario, ScenarioError};
+use crate::sim::Scenario;
 
 /// Cells that are named for a mistake.
 const CELLS_NAMED: usize = 3;
@@ -189,8 +189,12 @@ impl ExperimentGrid {
     pub(super) fn scenario(&self, run: usize) -> Result<Scenario, CliError> {
         let (sim, shapes, names) = self.sim_and_names(run / self.experiment.seeds())?;
         let seed = self.experiment.seed_of(run).unwrap_or(sim.seed);
-        let refused = |error: ScenarioError| CliError::Usage(error.to_string());
-        let mut scenario = Scenario::new(sim, shapes.shapes.clone(), seed).map_err(refused)?;
+        let mut scenario = Scenario::new(sim, shapes.shapes.clone(), seed).map_err(|error| {
+            match error.line() {
+                Some(line) => CliError::Usage(format!("{line}: {error}")),
+                None => CliError::Usage(error.to_string()),
+            }
+        })?;
         scenario.made_from = self.sources(&names);
         Ok(scenario)
     }

@@ -57,7 +57,7 @@ pub(super) struct RunRow {
     pub(super) fence_breaches: usize,
     /// Virtual time at the end, seconds.
     pub(super) simulated_s: f64,
-    /// Cells that are occupied in the merged map at the end.
+    /// Cells that are occupied in what the nodes know together at the end ([`RunOutcome::map`]).
     pub(super) occupied_cells: usize,
     /// Cells with a piece of surface that can be seen from where a vehicle can get to.
     pub(super) visible_cells: usize,

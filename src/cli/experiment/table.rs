@@ -36,10 +36,11 @@ const HEAD: [&str; 21] = [
 const LEGEND: &str = "\
 finished: runs that have not failed, as `sim` says it: not stopped by a limit, with something done, no collision and no
 breach of the fence. ends: how missions ended, of each run the vehicle with the worst end. mission: when the last one ended, before the way
-home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen:
-share of the surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the
-same of what was in range along the driven tracks. places: places to visit that a vehicle can get to by the truth of the
-scene, of all runs together; visited: share of them that was visited; false: how many of them were called places to which
+home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end, which is
+what the ground station and all vehicles whose software runs know together, whoever is off the bus. seen: share of the
+surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the same of what was in
+range along the driven tracks. places: places to visit that a vehicle can get to by the truth of the scene, of all runs
+together; visited: share of them that was visited; false: how many of them were called places to which
 no way leads. clear: least distance between a body and an object. collided, fence: runs with a contact, with a command
 over the fence. found: persons found within 1 m, each by a find of its own, of all who were searched for in the change since
 an empty sweep; nobody: finds that are none of them; off: how far off the places of those found are, the mean over runs of the

@@ -134,7 +134,7 @@ fn column(folder: &Path, file: &str, name: &str) -> Vec<String> {
 fn places_are_judged_by_the_truth_of_the_scene() {
     // The second one lies inside the block; with the wider distance, the fourth lies too near to it.
     let folder = folder(
-        "safety_distances_m = [0.3, 0.8]\n[with.vehicles]\ncount = 1\npose_sd_m = 0.02\n\
+        "safety_distances_m = [0.3, 0.8]\n[with]\nuntil_s = 900.0\n[with.vehicles]\ncount = 1\npose_sd_m = 0.02\n\
          [[mission]]\nkind = \"pathfind\"\n\
          waypoints_m = [[3.0, 0.0], [3.0, 3.0], [7.0, 3.0], [4.4, 3.0]]\n\
          [[mission]]\nkind = \"explore\"\n",

@@ -9,6 +9,7 @@ use crate::config::forms::{FileName, Name};
 use crate::config::keys::{Form, KeyEntry, Keyed, Keys, List, Others, Rowed, quoted, written_list};
 use crate::config::overlay::Layer;
 use crate::config::section::{Section, number_of, whole_of};
+use crate::config::sim::SEEDS;
 use crate::config::source::ProblemClass;
 use crate::config::vehicle::PARTY;
 
@@ -539,7 +540,7 @@ impl Form for Seeds {
                 key,
                 MOST_RUNS,
                 &rule,
-                &(0..=i64::MAX as usize),
+                &(*SEEDS.start() as usize..=*SEEDS.end() as usize),
             ))
         }
     }

@@ -4,10 +4,11 @@
 use tomoswarm_proto::TaskKind;
 
 use super::super::mission::{PlannerChoice, SMALLEST_GAP, SweepConfig};
+use super::super::scene::Person;
 use super::super::section::Section;
 use super::super::venue::Venue;
 use super::Sim;
-use crate::geom::{Point, Segment};
+use crate::geom::{Point, Segment, WORST_DEVIATIONS};
 use crate::plan::{ContactLimits, SOUND_MPS, SensingLimits, SmallestPost, SpeedError, echo_time_s};
 
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
@@ -161,6 +162,26 @@ pub(super) fn check_echoes(root: &Section, sim: &Sim) {
     root.source.refuse("range.max_range_m", &wrong, &allowed);
 }
 
+/// Refuses a sensor that sees nothing of what is just beside the body: that ground stays unknown, and who drives over known
+/// ground alone does not get away.
+pub(super) fn check_near_ground(root: &Section, sim: &Sim) {
+    let stays = matches!(sim.task, Some(TaskKind::Browse | TaskKind::Stored { .. }));
+    let (radius_m, nearest_m) = (sim.vehicles.body.radius_m, sim.range.look.min_range_m);
+    if stays
+        || nearest_m <= radius_m
+        || !root
+            .source
+            .is_sound(&["vehicles", "range", "venue", "mission"])
+    {
+        return;
+    }
+    let wrong = format!(
+        "leaves ground just beside a body with a radius of {radius_m} m unseen: a vehicle does not get away from where it stands"
+    );
+    let allowed = format!("at most {radius_m} m is allowed for this radius");
+    root.source.refuse("range.min_range_m", &wrong, &allowed);
+}
+
 /// Refuses a wind that would carry copters over the fence at home or on the ring, into each other, or past what they
 /// surely see; says the wind that can be flown in.
 pub(super) fn check_wind(root: &Section, sim: &Sim) {
@@ -264,7 +285,7 @@ pub(in crate::config) fn padding_at_fence_m(padding_m: f64, pose_sd_m: f64) -> f
 
 /// Returns by how much a place of this deviation may be off at most, metres: three deviations.
 pub(in crate::config) fn place_off_m(pose_sd_m: f64) -> f64 {
-    3.0 * pose_sd_m
+    WORST_DEVIATIONS * pose_sd_m
 }
 
 fn check_homes(root: &Section, sim: &Sim) {
@@ -292,7 +313,7 @@ fn check_homes(root: &Section, sim: &Sim) {
                 "a vehicle, its padding and three deviations of its place must fit at home",
             );
         }
-        check_nobody_at_home(root, sim, index + 1, *home);
+        check_nobody_at_home(root, sim, index, *home);
         let is_near = |other: &&Point| other.distance_to(*home) < apart_m;
         if homes.iter().take(index).any(|other| is_near(&other)) {
             let wrong = format!(
@@ -304,21 +325,39 @@ fn check_homes(root: &Section, sim: &Sim) {
     }
 }
 
-fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
-    let room_m = |radius_m: f64| sim.vehicles.body.radius_m + sim.safety.padding_m + radius_m;
-    let is_there = |at: Point, radius_m: f64| at.distance_to(home) < room_m(radius_m);
-    for person in sim
-        .scene
-        .persons
-        .iter()
-        .filter(|person| is_there(person.at, person.radius_m))
-    {
+/// Refuses persons who stand at a home or walk over it; homes are counted from 0.
+fn check_nobody_at_home(root: &Section, sim: &Sim, index: usize, home: Point) {
+    let persons = sim.scene.persons.iter().zip(&sim.lines.persons);
+    for (person, line) in persons {
+        let room_m = sim.vehicles.body.radius_m + sim.safety.padding_m + person.radius_m;
+        let does = if person.at.distance_to(home) < room_m {
+            "stands"
+        } else if walked_within_m(person, home) < room_m {
+            "walks"
+        } else {
+            continue;
+        };
         let wrong = format!(
-            "{} stands in the way of vehicle {number} at its home",
-            person.name
+            "{} ({line}) {does} in the way of vehicle {} at its home",
+            person.name,
+            index + 1
         );
-        root.refuse("scene", &wrong, "vehicles and persons must stand apart");
+        let allowed = format!(
+            "vehicles and persons must stand and walk apart, {room_m:.2} m from ({}, {}) at least",
+            home.x_m, home.y_m
+        );
+        root.refuse("scene", &wrong, &allowed);
     }
+}
+
+/// Returns how near a person comes to a place on its walk, metres; infinite for one who stands still.
+fn walked_within_m(person: &Person, place: Point) -> f64 {
+    let from = std::iter::once(&person.at).chain(&person.path);
+    let pieces = from
+        .zip(&person.path)
+        .map(|(from, to)| Segment::new(*from, *to));
+    let distances = pieces.map(|piece| piece.distance_to_point(place));
+    distances.fold(f64::INFINITY, f64::min)
 }
 
 /// Refuses a mission that leads out of the fence, or nearer to it than a vehicle's body needs.

@@ -56,6 +56,18 @@ proptest! {
     }
 
     #[test]
+    fn taking_all_of_another_map_is_joining_its_reports(
+        ours in proptest::collection::vec(any_report(), 0..20), theirs in proptest::collection::vec(any_report(), 0..20),
+    ) {
+        let (mut one, mut other) = (joined(ours.iter()), joined(theirs.iter()));
+        let all = joined(ours.iter().chain(&theirs));
+        other.join_all(&one);
+        one.join_all(&joined(theirs.iter()));
+        prop_assert_eq!(&one, &all);
+        prop_assert_eq!(&other, &all);
+    }
+
+    #[test]
     fn the_merged_cell_is_the_clamped_sum_of_the_newest_but_what_is_confirmed_is_freed_from_near_only(reports in proptest::collection::vec(any_report(), 1..20)) {
         let map = joined(reports.iter());
         for x in -1..1i32 {

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::kind::DriveRoute;
+use super::kind::{DriveRoute, RouteRoom};
 use super::terrain::{PathSearch, RULES, ReachedGround, Resolution};
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{Bar, CellRect};
@@ -18,6 +18,8 @@ const LOOKS_MAX: usize = 3;
 const PART_M: f64 = 0.6;
 /// So many close looks for one goal, wherever.
 const LOOKS_ALL_MAX: usize = 40;
+/// So often it goes back to open ground for one goal, and begins to look anew.
+const WENT_BACK_MAX: usize = 2;
 /// So many cells are given up for one goal; what else bars is not looked at.
 const GIVEN_UP_MAX: usize = 24;
 /// A thing of no more cells is small: it may be none.
@@ -40,6 +42,8 @@ pub(crate) struct Doubts {
     looks: Vec<((i32, i32), Vec<Point>)>,
     /// Cells that were looked at often enough, and bar still.
     given_up: Vec<Cell>,
+    /// How often it has gone back to open ground.
+    went_back: usize,
 }
 
 /// A look at a cell from near.
@@ -51,11 +55,20 @@ pub(crate) struct CloseLook {
     pub(crate) at: Cell,
 }
 
+/// What is done before anything is given up.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) enum DoubtTry {
+    /// Look at a cell from near.
+    Look(CloseLook),
+    /// Go back over the own track to open ground: where the vehicle stands it is hemmed in by what it has come past.
+    GoBack(DriveRoute),
+}
+
 /// What to do about what is in doubt.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum DoubtStep {
-    /// Look at a cell from near.
-    Look(CloseLook),
+    /// Try this first.
+    Try(DoubtTry),
     /// No way exists, even if everything were free but what is confirmed; by the middles of cells that bar, a few.
     NoWay(Vec<Point>),
     /// Everything in doubt was looked at that can be; what was and bars still, by the middles of cells, a few.
@@ -95,6 +108,33 @@ impl Doubts {
         goal: Point,
         peers: &[Vec<Point>],
     ) -> DoubtStep {
+        match self.judged(search, goal, peers) {
+            step @ DoubtStep::Try(_) => step,
+            end @ (DoubtStep::NoWay(_) | DoubtStep::Spent(_)) => {
+                let back = self.go_back(search, peers);
+                back.map_or(end, |route| DoubtStep::Try(DoubtTry::GoBack(route)))
+            }
+        }
+    }
+
+    /// Returns the way back to open ground where the vehicle is hemmed in, and forgets what it has looked at there.
+    fn go_back(&mut self, search: &PathSearch<'_>, peers: &[Vec<Point>]) -> Option<DriveRoute> {
+        if self.went_back >= WENT_BACK_MAX {
+            return None;
+        }
+        let points = search.back_to_open(peers)?;
+        *self = Doubts {
+            went_back: self.went_back + 1,
+            ..Doubts::default()
+        };
+        Some(DriveRoute {
+            corners: points[1..].to_vec(),
+            room: RouteRoom::OwnTrack,
+        })
+    }
+
+    /// Returns the same, wherever the vehicle stands.
+    fn judged(&mut self, search: &PathSearch<'_>, goal: Point, peers: &[Vec<Point>]) -> DoubtStep {
         let Some(whole) = search.optimistic_ground(Some(goal), &[]) else {
             return DoubtStep::Spent(Vec::new());
         };
@@ -104,11 +144,9 @@ impl Doubts {
             // What keeps it where it is says nothing of the goal.
             Err(_) if is_shut_in(search, &whole) => return DoubtStep::Spent(Vec::new()),
             Err(_) => {
-                let bars = bars_of(search, &whole, goal);
-                return self.look_at_bars(search, &bars, peers).map_or_else(
-                    || DoubtStep::NoWay(middles(search.lattice(), &bars)),
-                    DoubtStep::Look,
-                );
+                return self.past_confirmed(search, goal, peers).unwrap_or_else(|| {
+                    DoubtStep::NoWay(middles(search.lattice(), &bars_of(search, &whole, goal)))
+                });
             }
         }
         let reached = Reached::from_here(search, peers);
@@ -127,7 +165,55 @@ impl Doubts {
         }
     }
 
-    /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be reached;
+    /// Returns what to do about cells that bar for good, but were confirmed by echoes from wherever the vehicle happened to be:
+    /// each that a way would lead over is looked at once from near. `None` = so it is with all ways: none exists.
+    fn past_confirmed(
+        &mut self,
+        search: &PathSearch<'_>,
+        goal: Point,
+        peers: &[Vec<Point>],
+    ) -> Option<DoubtStep> {
+        let reached = Reached::from_here(search, peers)?;
+        let doubted = self.never_looked_at(search);
+        let whole = search.optimistic_ground(Some(goal), &doubted)?;
+        let route = |grid: &SearchGrid| shortest_route(grid, search.from(), goal, &RULES).ok();
+        route(&whole)?;
+        loop {
+            let mut grid = whole.clone();
+            self.close_given_up(search, &mut grid);
+            // What could not be looked at proves nothing.
+            let Some(found) = route(&grid) else {
+                return Some(self.spent(search));
+            };
+            if let Some(step) = self.look_along(search, &reached, &found.points, peers) {
+                return Some(step);
+            }
+        }
+    }
+
+    /// Returns the confirmed cells, ascending, that no close look has shown.
+    fn never_looked_at(&self, search: &PathSearch<'_>) -> Vec<Cell> {
+        let lattice = search.lattice();
+        let far_m = search.planned_m() + NEAR_M + lattice.cell_m();
+        let side_m = f64::from(part_side(lattice)) * lattice.cell_m();
+        let looks = self.looks.iter().flat_map(|((x, y), places)| {
+            let middle = |part: i32| (f64::from(part) + 0.5) * side_m;
+            let at = Point::new(middle(*x), middle(*y));
+            places.iter().map(move |from| (*from, at))
+        });
+        let looks: Vec<(Point, Point)> = looks.collect();
+        let mut cells = search.confirmed_cells();
+        cells.retain(|cell| {
+            let place = lattice.centre(*cell);
+            let is_shown = |(from, at): &(Point, Point)| {
+                from.distance_to(place) <= far_m && search.covers(*from, *at, place)
+            };
+            self.places_of(lattice, *cell).is_empty() && !looks.iter().any(is_shown)
+        });
+        cells
+    }
+
+    /// Returns what to try next so that ground that nobody has seen, and where there is room to stand, can be reached;
     /// `reached` is what can be, finely, if it can set out. Small things that bar are looked at once, although they are
     /// confirmed: an exploration that takes an echo for a pole in a doorway would end before it.
     ///
@@ -139,7 +225,7 @@ impl Doubts {
         search: &PathSearch<'_>,
         reached: Option<ReachedGround>,
         peers: &[Vec<Point>],
-    ) -> Result<CloseLook, f64> {
+    ) -> Result<DoubtTry, f64> {
         // Ground that is too large to be searched is told before.
         let roomy = search.ground(None, Resolution::Parts, true, &[]);
         let roomy = roomy.ok_or(0.0)?;
@@ -156,7 +242,11 @@ impl Doubts {
                 }
             })
         });
-        look.ok_or_else(|| unseen_share(search, &roomy, reached.as_ref()).unwrap_or(0.0))
+        if let Some(look) = look {
+            return Ok(DoubtTry::Look(look));
+        }
+        let back = self.go_back(search, peers).map(DoubtTry::GoBack);
+        back.ok_or_else(|| unseen_share(search, &roomy, reached.as_ref()).unwrap_or(0.0))
     }
 
     /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is
@@ -188,8 +278,10 @@ impl Doubts {
             let route = optimistic.route_to(&grid, search.from(), nodes.centre(node))?;
             if let Some(step) = self.look_along(search, reached, &route.points, peers) {
                 return match step {
-                    DoubtStep::Look(look) => Some(look),
-                    DoubtStep::NoWay(_) | DoubtStep::Spent(_) => None,
+                    DoubtStep::Try(DoubtTry::Look(look)) => Some(look),
+                    DoubtStep::Try(DoubtTry::GoBack(_))
+                    | DoubtStep::NoWay(_)
+                    | DoubtStep::Spent(_) => None,
                 };
             }
         }
@@ -255,7 +347,7 @@ impl Doubts {
             self.given_up.push(at);
             return None;
         };
-        Some(DoubtStep::Look(CloseLook { course, at }))
+        Some(DoubtStep::Try(DoubtTry::Look(CloseLook { course, at })))
     }
 
     fn spent(&self, search: &PathSearch<'_>) -> DoubtStep {
@@ -294,8 +386,13 @@ impl Doubts {
 
 /// Returns the part of the ground that a cell belongs to.
 fn part_of(lattice: Lattice, cell: Cell) -> (i32, i32) {
-    let side = ((PART_M / lattice.cell_m()).round() as i32).max(1);
+    let side = part_side(lattice);
     (cell.x.div_euclid(side), cell.y.div_euclid(side))
+}
+
+/// Returns the side of such a part, in cells.
+fn part_side(lattice: Lattice) -> i32 {
+    ((PART_M / lattice.cell_m()).round() as i32).max(1)
 }
 
 /// The ways to all places that can be reached over ground that is known to be free.
@@ -338,7 +435,7 @@ impl Reached {
         let route = ways.route_to(grid, search.from(), nodes.centre(node))?;
         Some(DriveRoute {
             corners: route.points[1..].to_vec(),
-            is_narrow: self.is_narrow,
+            room: RouteRoom::searched(self.is_narrow),
         })
     }
 }
@@ -503,11 +600,54 @@ mod tests {
     fn a_vehicle_that_cannot_leave_its_place_does_not_say_that_there_is_no_way_elsewhere() {
         // The fence is at −5; whoever knows its place this badly keeps 1.2 m away from it.
         let terrain = terrain_of(|_, _| false);
-        let mut pose = own_state(-4.4, 0.0).pose;
-        pose.sd_m = 0.3;
-        let search = terrain.search(Time::ZERO, pose);
-        let step = Doubts::default().toward(&search, Point::new(20.0, 0.0), &[]);
-        assert_eq!(step, DoubtStep::Spent(Vec::new()));
+        for x_m in [-4.98, -4.7, -4.4, -4.0] {
+            let mut pose = own_state(x_m, 0.0).pose;
+            pose.sd_m = 0.3;
+            let search = terrain.search(Time::ZERO, pose);
+            let step = Doubts::default().toward(&search, Point::new(20.0, 0.0), &[]);
+            assert!(!matches!(step, DoubtStep::NoWay(_)), "{x_m}: {step:?}");
+        }
+    }
+
+    #[test]
+    fn no_way_into_a_closed_room_is_said_after_its_walls_were_looked_at_from_near_and_not_before() {
+        let is_wall = |x_m: f64, y_m: f64| {
+            let (x_m, y_m) = ((x_m - 4.0).abs(), y_m.abs());
+            x_m.max(y_m) < 1.4 && x_m.max(y_m) > 1.2
+        };
+        let goal = Point::new(4.0, 0.0);
+        let terrain = terrain_of(is_wall);
+        let mut doubts = Doubts::default();
+        let mut place = Point::new(0.0, 0.0);
+        let mut looks: Vec<(Point, Point)> = Vec::new();
+        let bars = loop {
+            let search = terrain.search(Time::ZERO, own_state(place.x_m, place.y_m).pose);
+            match doubts.toward(&search, goal, &[]) {
+                DoubtStep::Try(DoubtTry::Look(CloseLook { course, at })) => {
+                    place = course.map_or(place, |course| *course.corners.last().unwrap());
+                    let lattice = search.lattice();
+                    doubts.note(lattice, at, place);
+                    looks.push((place, lattice.centre(at)));
+                }
+                DoubtStep::NoWay(bars) => break bars,
+                other => panic!("after {} looks: {other:?}", looks.len()),
+            }
+        };
+        assert!(
+            (5..=LOOKS_ALL_MAX).contains(&looks.len()),
+            "{}",
+            looks.len()
+        );
+        assert!(looks.iter().all(|(from, at)| from.distance_to(*at) < 2.0));
+        assert!(bars.iter().all(|at| is_wall(at.x_m, at.y_m)), "{bars:?}");
+        // Each side of it was looked at.
+        for (x_m, y_m) in [(2.7, 0.0), (5.3, 0.0), (4.0, -1.3), (4.0, 1.3)] {
+            let side = Point::new(x_m, y_m);
+            assert!(
+                looks.iter().any(|(_, at)| at.distance_to(side) < 1.5),
+                "{side:?}"
+            );
+        }
     }
 
     #[test]
@@ -530,7 +670,9 @@ mod tests {
             doubts.toward_unseen(&search, search.reached_finely(&[]), &[])
         };
         let mut doubts = Doubts::default();
-        let look = look_of(&mut doubts, true).unwrap();
+        let Ok(DoubtTry::Look(look)) = look_of(&mut doubts, true) else {
+            panic!("it looks")
+        };
         assert_eq!(look.at, Cell::new(20, 0));
         doubts.note(Lattice::new(0.2), look.at, Point::new(3.0, 0.0));
         assert_eq!(

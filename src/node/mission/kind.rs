@@ -102,8 +102,29 @@ pub(super) enum MissionStep {
 pub(super) struct DriveRoute {
     /// Its corners after where the vehicle is.
     pub corners: Vec<Point>,
-    /// It leads over places that count as open only since the vehicle has driven there.
-    pub is_narrow: bool,
+    /// What is known of the room along it.
+    pub room: RouteRoom,
+}
+
+/// What is known of the room along a route.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum RouteRoom {
+    /// All that a vehicle keeps.
+    Kept,
+    /// Of some places only that the vehicle has driven there.
+    DrivenBefore,
+    /// It is the vehicle's own track, whatever the map shows there by now.
+    OwnTrack,
+}
+
+impl RouteRoom {
+    /// Returns the room along a route that was searched over the places driven too, or not.
+    pub(super) fn searched(over_driven: bool) -> RouteRoom {
+        match over_driven {
+            true => RouteRoom::DrivenBefore,
+            false => RouteRoom::Kept,
+        }
+    }
 }
 
 /// Why a place of a mission is passed over.

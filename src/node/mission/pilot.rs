@@ -43,6 +43,7 @@ use self::detour::{Detour, FoundPath};
 use self::purpose::WayPurpose;
 use self::standing_command::{BACKOFF_M, FreeWay, GO_M, SHORTEN_M, StandingCommand, renewal_m};
 use self::stretch::Stretch;
+use super::kind::RouteRoom;
 use super::look_around::{LookAround, Next};
 use super::obstruction::{Obstruction, ObstructionKind};
 use super::terrain::{Strip, Terrain};
@@ -190,17 +191,20 @@ impl Pilot {
 
     /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and the
     /// giver of the route decides. What is unknown on it is looked at as on every way.
-    /// A narrow route leads over places where the vehicle has driven, see [`Terrain::driven`].
-    pub(super) fn take_route(&mut self, place: Point, corners: &[Point], is_narrow: bool) {
+    pub(super) fn take_route(&mut self, place: Point, corners: &[Point], room: RouteRoom) {
         let Some((end, corners)) = corners.split_last() else {
             return;
         };
         self.give_up(place);
         self.way.append(corners.iter().copied(), *end, None);
         self.purpose = WayPurpose::Route;
-        if is_narrow {
-            self.stretch = Stretch::DrivenBefore;
-        }
+        self.stretch = match room {
+            RouteRoom::Kept => Stretch::Ordinary,
+            RouteRoom::DrivenBefore => Stretch::DrivenBefore,
+            RouteRoom::OwnTrack => Stretch::OwnTrack {
+                end_m: self.way.odometer_m(self.way.length_m()),
+            },
+        };
         self.attempts.begin_way();
     }
 

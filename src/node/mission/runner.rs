@@ -43,7 +43,7 @@ use self::tries::Tries;
 use self::yield_to_peers::YieldToPeers;
 use super::doubts::Doubts;
 use super::home::HOME_M;
-use super::kind::{AnyBehaviour, DriveRoute, MissionInput, MissionStep, PassedOver};
+use super::kind::{AnyBehaviour, DriveRoute, MissionInput, MissionStep, PassedOver, RouteRoom};
 use super::look_around::{LookAround, Next, dwell};
 use super::obstruction::Obstruction;
 use super::pilot::WayEvent;
@@ -74,6 +74,8 @@ enum Destination {
     Viewpoint,
     /// Where to look from near at a cell that may bar the way to a place, and may not.
     Doubtful(Cell),
+    /// Back to ground with room, from where it was hemmed in.
+    OpenGround,
     /// Somewhere out of the way of peers.
     Aside,
     /// Home.
@@ -177,7 +179,8 @@ impl StepRunner {
                     Destination::Straight(_)
                     | Destination::ByPath(_)
                     | Destination::Viewpoint
-                    | Destination::Doubtful(_),
+                    | Destination::Doubtful(_)
+                    | Destination::OpenGround,
                 ..
             } => MissionPhase::Going,
             Phase::Looking { .. } => MissionPhase::Looking,
@@ -348,7 +351,7 @@ impl StepRunner {
     fn drive(&mut self, scene: &mut RunnerContext<'_>, course: &DriveRoute, to: Destination) {
         scene
             .pilot
-            .take_route(scene.pose().at, &course.corners, course.is_narrow);
+            .take_route(scene.pose().at, &course.corners, course.room);
         self.phase = Phase::Driving {
             to,
             asked: scene.now,
@@ -361,7 +364,7 @@ impl StepRunner {
         }
         let course = DriveRoute {
             corners: vec![place],
-            is_narrow: false,
+            room: RouteRoom::Kept,
         };
         self.drive(scene, &course, Destination::Straight(place));
     }
@@ -384,6 +387,10 @@ impl StepRunner {
                     .note(self.settings.lattice, cell, scene.pose().at);
                 self.look_closely(scene, cell);
             }
+            Destination::OpenGround => {
+                self.progress.get_on(scene.now);
+                self.think(scene.now);
+            }
             Destination::Aside => self.choose_at(scene.now + WAIT_ASIDE),
             Destination::Home => self.phase = Phase::Over,
         }
@@ -401,7 +408,7 @@ impl StepRunner {
                 self.tell(scene, MissionInput::UnderWay);
             }
             Destination::Home => self.yields.drive(self.left_m(scene.pose().at)),
-            Destination::Doubtful(_) | Destination::Aside => {}
+            Destination::Doubtful(_) | Destination::OpenGround | Destination::Aside => {}
         }
     }
 
@@ -462,6 +469,7 @@ impl StepRunner {
             Destination::Straight(_)
             | Destination::ByPath(_)
             | Destination::Doubtful(_)
+            | Destination::OpenGround
             | Destination::Home
                 if self.is_a_peer(scene, by) =>
             {
@@ -480,6 +488,7 @@ impl StepRunner {
                 self.doubts.note(self.settings.lattice, cell, place);
                 self.think(scene.now);
             }
+            Destination::OpenGround => self.think(scene.now),
             Destination::Aside | Destination::Home => self.try_again(scene),
         }
     }

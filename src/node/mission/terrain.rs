@@ -5,6 +5,7 @@
 //! of them hands their claims to its search.
 
 mod driven_places;
+mod fence_clearance;
 mod peer_clearance;
 mod reflex_obstacles;
 mod search;

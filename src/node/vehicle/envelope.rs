@@ -9,7 +9,7 @@ use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
 use super::stored_way::{all_ways, track_of, way_ahead};
 use super::{Out, Vehicle};
 use crate::autopilot::{Item, Telemetry};
-use crate::geom::{Pose, Track};
+use crate::geom::{Pose, Segment, Track};
 use crate::node::peers::{Peer, keeps_clear};
 use crate::time::Time;
 
@@ -17,6 +17,10 @@ use crate::time::Time;
 const COMMAND_AGE: Duration = Duration::from_secs(1);
 /// A route begins at most this far from where the vehicle is, metres.
 const ROUTE_START_M: f64 = 0.75;
+/// Who stands too near to the fence has left it after so much of a route, metres.
+const LEAVES_FENCE_M: f64 = 1.0;
+/// What rounding may take of a distance, metres.
+const DUST_M: f64 = 1e-6;
 
 impl Vehicle {
     /// Checks a command against the envelope.
@@ -96,11 +100,11 @@ impl Vehicle {
             }
         }
         let mut ways = all_ways(items, self.settings.home).into_iter();
-        if !ways.all(|way| self.stays_inside(&way)) {
+        if !ways.all(|way| self.stays_inside(&way, pose)) {
             return Err(CommandRefusal::Fence);
         }
         match track_of(&ahead) {
-            Some(ahead) if !self.stays_inside(&ahead) => Err(CommandRefusal::Fence),
+            Some(ahead) if !self.stays_inside(&ahead, pose) => Err(CommandRefusal::Fence),
             Some(ahead) => self.check_peers(&ahead, pose),
             None => Ok(()),
         }
@@ -110,7 +114,7 @@ impl Vehicle {
         if route.start().distance_to(pose.at) > ROUTE_START_M {
             return Err(CommandRefusal::NotHere);
         }
-        if !self.stays_inside(route) {
+        if !self.stays_inside(route, pose) {
             return Err(CommandRefusal::Fence);
         }
         if self.reflex.is_in_the_way(now, route, pose.at) {
@@ -127,15 +131,29 @@ impl Vehicle {
         })
     }
 
-    /// Returns whether the fence holds the body all along a route, and where wind may carry it from there. A vehicle that wind
-    /// has carried too near to the fence already comes no nearer.
-    fn stays_inside(&self, route: &Track) -> bool {
+    /// Returns whether the fence holds the body all along a route, wherever it is while it believes to be there, and where
+    /// wind may carry it from there. A vehicle that is too near to the fence already, by wind or since its place is believed
+    /// elsewhere by now, comes no nearer to any side of it, and leaves it at once.
+    fn stays_inside(&self, route: &Track, pose: Pose) -> bool {
         let (settings, fence) = (&self.settings, &self.settings.fence);
-        let (reach_m, here_m) = (settings.reach_m(), fence.distance_to_edge(route.start()));
-        let way_m = reach_m.min(here_m).max(settings.body.radius_m);
-        let corner_m = reach_m.min(here_m + settings.carried_m);
+        let kept_m = settings.fence_reach_m(pose) - DUST_M;
+        let is_here = route.start().distance_to(pose.at) <= ROUTE_START_M;
+        let leaves_m = if is_here { LEAVES_FENCE_M } else { 0.0 };
+        let keeps_on_leaving = |piece: Segment| {
+            fence.edges().all(|edge| {
+                let here_m = edge.distance_to_point(route.start()) - DUST_M;
+                let way_m = kept_m.min(here_m).max(settings.body.radius_m);
+                let end_m = kept_m.min(here_m + settings.carried_m);
+                piece.distance_to(edge) >= way_m && edge.distance_to_point(piece.to) >= end_m
+            })
+        };
+        let mut along_m = 0.0;
         route.segments().all(|piece| {
-            fence.contains_corridor(piece, way_m) && fence.contains_disc(piece.to, corner_m)
+            let (first, rest) = piece.split_at(leaves_m - along_m);
+            along_m += piece.length_m();
+            fence.contains(piece.to)
+                && first.is_none_or(keeps_on_leaving)
+                && rest.is_none_or(|rest| fence.contains_corridor(rest, kept_m))
         })
     }
 

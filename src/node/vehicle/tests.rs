@@ -1101,14 +1101,49 @@ fn sent(
 fn a_copter_keeps_what_wind_can_do_from_the_fence_and_comes_no_nearer_when_it_was_carried() {
     let refused = Err(CommandRefusal::Fence);
     let to = |from_m: f64, to: (f64, f64)| sent(&mut copter(from_m), 1.1, &[(from_m, 0.0), to]);
-    assert!(to(20.0, (24.5, 0.0)).is_ok(), "0.25 and 0.2 m are left");
-    assert_eq!(to(20.0, (24.6, 0.0)), refused);
+    assert!(
+        to(20.0, (24.4, 0.0)).is_ok(),
+        "0.25, 0.2 and 3 × 0.05 m are left"
+    );
+    assert_eq!(to(20.0, (24.45, 0.0)), refused);
     assert_eq!(
         to(24.7, (24.7, 3.0)),
         refused,
         "along the fence it would be carried nearer"
     );
-    assert!(to(24.7, (24.5, 3.0)).is_ok(), "away from it");
+    assert!(to(24.7, (24.4, 0.6)).is_ok(), "away from it");
+    assert_eq!(to(24.7, (24.4, 3.0)), refused, "but slowly");
+}
+
+#[test]
+fn a_vehicle_in_a_corner_of_the_fence_leaves_one_side_of_it_and_comes_no_nearer_to_the_other() {
+    let refusal_from = |from: (f64, f64), to: (f64, f64)| {
+        let mut vehicle = Vehicle::new(settings(1));
+        vehicle.readiness = Readiness::Ready;
+        let In::Telemetry(mut here) = telemetry(from.0, 0.0, 0.05) else {
+            panic!("it is telemetry")
+        };
+        here.pose.at.y_m = from.1;
+        fed(&mut vehicle, 1.0, In::Telemetry(here));
+        let out = fed(&mut vehicle, 1.1, drive(&[from, to]));
+        assert_ne!(flies(&out), refusal(&out).is_some());
+        refusal(&out)
+    };
+    // 0.25 m and 3 × 0.05 m are kept from the sides at 25.
+    let here = (24.3, 24.65);
+    assert_eq!(refusal_from(here, (24.3, 24.2)), None);
+    let nearer = Some(CommandRefusal::Fence);
+    assert_eq!(
+        refusal_from(here, (24.65, 24.3)),
+        nearer,
+        "as near to the other"
+    );
+    assert_eq!(
+        refusal_from(here, (24.3, 24.63)),
+        None,
+        "a part of the way out"
+    );
+    assert_eq!(refusal_from(here, (20.0, 24.63)), nearer, "along it");
 }
 
 #[test]

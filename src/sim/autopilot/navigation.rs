@@ -4,11 +4,8 @@
 use std::time::Duration;
 
 use super::super::noise::{Noise, NoisePurpose};
-use crate::geom::Vector;
+use crate::geom::{Vector, WORST_DEVIATIONS};
 use crate::time::Time;
-
-/// A receiver's filter does not believe outliers: the error ends at this many deviations.
-const WORST: f64 = 3.0;
 
 /// A time without satellites.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -65,12 +62,13 @@ impl Navigation {
         self.sd_m + self.growth_mps * longest_s
     }
 
-    /// Returns the believed place less the true one.
+    /// Returns the believed place less the true one. A receiver's filter does not believe outliers: the error ends at
+    /// [`WORST_DEVIATIONS`].
     pub fn error(&self, now: Time) -> Vector {
         let sd_m = self.sd_m(now);
         let drift = |purpose| {
             let smooth = self.noise.smooth(purpose, &[self.id], now, self.drift);
-            sd_m * smooth.clamp(-WORST, WORST)
+            sd_m * smooth.clamp(-WORST_DEVIATIONS, WORST_DEVIATIONS)
         };
         Vector::new(drift(NoisePurpose::PoseX), drift(NoisePurpose::PoseY))
     }

@@ -14,6 +14,7 @@ pub(in crate::sim) use self::operator::SimulatedOperator;
 pub(in crate::sim) use self::vehicle::SimulatedVehicle;
 use super::alarm::Alarm;
 use crate::actor::{ActorStep, Snapshot};
+use crate::map::Merged;
 use crate::node::mission::MissionStatus;
 use crate::sim::bus::NodeId;
 use crate::sim::log::hash;
@@ -157,8 +158,13 @@ impl Nodes {
         self.vehicles.iter().map(SimulatedVehicle::is_dead)
     }
 
-    /// Returns how many vehicles are alive, how many of them are home, and how many stand and stay.
-    pub(super) fn count_fleet(&self, is_at_rest: impl Fn(usize) -> bool) -> FleetCount {
+    /// Returns how many vehicles are alive, how many of them are home, and how many stand and stay: held, or with nothing left
+    /// to do.
+    pub(super) fn count_fleet(
+        &self,
+        is_at_rest: impl Fn(usize) -> bool,
+        has_ended: impl Fn(usize) -> bool,
+    ) -> FleetCount {
         let mut fleet = FleetCount::default();
         let vehicles = self.vehicles.iter().enumerate();
         for (index, vehicle) in vehicles.filter(|(_, vehicle)| !vehicle.is_dead()) {
@@ -167,6 +173,9 @@ impl Nodes {
                 // Who has come home may still roll a hand's breadth.
                 MissionStatus::Home => fleet.home += 1,
                 MissionStatus::Held if is_at_rest(index) => fleet.held += 1,
+                MissionStatus::Following if is_at_rest(index) && has_ended(index) => {
+                    fleet.held += 1;
+                }
                 MissionStatus::Waiting
                 | MissionStatus::Following
                 | MissionStatus::Held
@@ -174,6 +183,15 @@ impl Nodes {
             }
         }
         fleet
+    }
+
+    /// Returns what the nodes know of the world together: every vehicle whose software runs, and the ground station, whose
+    /// store outlives its software. What only a dead vehicle knew is lost.
+    pub(super) fn known_map(&self) -> Merged {
+        let mut map = self.ground.node().station().map().clone();
+        let alive = self.vehicles.iter().filter(|vehicle| !vehicle.is_dead());
+        alive.for_each(|vehicle| map.join_all(vehicle.node().map()));
+        map
     }
 
     /// Begins to keep what the actors do.

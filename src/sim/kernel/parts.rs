@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::network::Greetings;
 use super::nodes::{SimulatedGround, SimulatedOperator, SimulatedVehicle};
 use crate::ground::from_config::GroundParts;
+use crate::map::Merged;
 use crate::sim::bus::SimulatedBus;
 use crate::sim::environment::Environment;
 use crate::sim::faults::Faults;
@@ -44,6 +45,8 @@ pub(in crate::sim) struct FinishedRun {
     pub monitor: RunMonitor,
     pub environment: Environment,
     pub ground: SimulatedGround,
+    /// What the nodes know of the world together.
+    pub map: Merged,
     pub bus: SimulatedBus,
     /// When it has ended.
     pub ended_at: Time,

@@ -13,7 +13,7 @@ const CHECKED_EVERY_M: f64 = 0.1;
 impl Scenario {
     /// Checks that everybody can walk where the file says: through nothing, and within the fence.
     pub(super) fn check_walks(&self, structure: &Scene) -> Result<(), ScenarioError> {
-        for person in &self.sim.scene.persons {
+        for (index, person) in self.sim.scene.persons.iter().enumerate() {
             let Some(walk) = Walk::of(person) else {
                 continue;
             };
@@ -30,6 +30,8 @@ impl Scenario {
                     continue;
                 };
                 return Err(ScenarioError::Walk {
+                    line: self.sim.lines.persons.get(index).cloned(),
+                    index,
                     name: person.name.clone(),
                     at: (at.x_m, at.y_m),
                     reason,

@@ -29,11 +29,11 @@ use self::known_frontiers::KnownFrontiers;
 use self::look_history::{LookHistory, Rigour};
 use self::look_search::{FoundLook, LookSearch, NoLook};
 use self::peer_looks::{PeerLook, PeerLooks};
-use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
+use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep, RouteRoom};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
-use crate::node::mission::doubts::{CloseLook, Doubts};
+use crate::node::mission::doubts::{CloseLook, DoubtTry, Doubts};
 use crate::node::mission::terrain::{OpenGround, PathSearch, ReachedGround, Terrain, is_small};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
@@ -271,7 +271,9 @@ impl Seek {
     ) -> MissionStep {
         let reached = reached.or_else(|| search.reached_finely(claims));
         match self.doubts.toward_unseen(search, reached, claims) {
-            Ok(CloseLook { course, at }) => {
+            // It chooses anew from there.
+            Ok(DoubtTry::GoBack(route)) => MissionStep::GoAlong(route),
+            Ok(DoubtTry::Look(CloseLook { course, at })) => {
                 self.stage = Stage::Doubting(at);
                 match course {
                     Some(course) => MissionStep::GoAlong(course),
@@ -309,7 +311,7 @@ impl Seek {
         self.stage = Stage::Going(look.at);
         MissionStep::GoAlong(DriveRoute {
             corners: route.points[1..].to_vec(),
-            is_narrow,
+            room: RouteRoom::searched(is_narrow),
         })
     }
 

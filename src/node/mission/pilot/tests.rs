@@ -249,7 +249,7 @@ fn what_blocks_a_given_route_is_said_and_no_other_is_searched() {
     let mut rig = Rig::walled();
     let place = Point::new(2.1, 0.0);
     rig.own.pose.at = place;
-    rig.pilot.take_route(place, &[LEFT], false);
+    rig.pilot.take_route(place, &[LEFT], RouteRoom::Kept);
     for _ in 0..5 {
         let (command, met) = rig.after(1.0);
         assert!(command.is_none() && matches!(met[..], [WayEvent::Blocked(_)]));
@@ -270,7 +270,7 @@ fn a_vehicle_says_whether_map_or_reflex_or_the_unseen_keep_it_from_going_on() {
     let place = Point::new(2.1, 0.0);
     let begun = |mut rig: Rig, to: Point| {
         rig.own.pose.at = place;
-        rig.pilot.take_route(place, &[to], false);
+        rig.pilot.take_route(place, &[to], RouteRoom::Kept);
         rig
     };
     let mut walled = begun(Rig::walled(), LEFT);
@@ -289,7 +289,7 @@ fn a_vehicle_says_whether_map_or_reflex_or_the_unseen_keep_it_from_going_on() {
     unseen.own.pose.at = Point::new(5.9, 0.0);
     unseen
         .pilot
-        .take_route(unseen.own.pose.at, &[Point::new(9.0, 0.0)], false);
+        .take_route(unseen.own.pose.at, &[Point::new(9.0, 0.0)], RouteRoom::Kept);
     unseen.after(1.0);
     unseen.look_around();
     let by = said(&unseen.after(0.7).1);
@@ -306,7 +306,7 @@ fn a_vehicle_whose_commands_are_refused_says_why() {
     ] {
         let mut rig = Rig::open();
         let place = rig.own.pose.at;
-        rig.pilot.take_route(place, &[LEFT], false);
+        rig.pilot.take_route(place, &[LEFT], RouteRoom::Kept);
         let met = rig.refuse_path(why);
         assert_eq!(met, [blocked(place, ObstructionKind::Refusal(why))]);
     }
@@ -315,15 +315,14 @@ fn a_vehicle_whose_commands_are_refused_says_why() {
 #[test]
 fn a_narrow_route_is_driven_where_there_is_room_for_the_body_alone() {
     let has_gap = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > 0.4;
-    for is_narrow in [false, true] {
+    for room in [RouteRoom::Kept, RouteRoom::DrivenBefore] {
         let mut rig = Rig::new(has_gap);
-        rig.pilot
-            .take_route(Point::new(3.0, 0.0), &[LEFT], is_narrow);
+        rig.pilot.take_route(Point::new(3.0, 0.0), &[LEFT], room);
         let Some(MoveCommand::Drive { route, .. }) = rig.after(1.0).0 else {
             panic!("as far as it is free")
         };
         let passes = route.last().unwrap().x_m < 1.0;
-        assert_eq!(passes, is_narrow);
+        assert_eq!(passes, room == RouteRoom::DrivenBefore);
     }
 }
 
@@ -430,7 +429,13 @@ fn rerouted(change: impl Fn(&mut Pilot), wall_x_m: Option<f64>) -> Option<MoveCo
 fn who_still_drives_by_its_last_command_stops_for_what_has_come_up_there() {
     let changes: [fn(&mut Pilot); 3] = [
         |pilot| pilot.give_up(Point::new(3.0, 0.0)),
-        |pilot| pilot.take_route(Point::new(3.0, 0.0), &[Point::new(3.0, 4.0)], false),
+        |pilot| {
+            pilot.take_route(
+                Point::new(3.0, 0.0),
+                &[Point::new(3.0, 4.0)],
+                RouteRoom::Kept,
+            )
+        },
         |pilot| {
             pilot.state = State::Waiting {
                 until: Time::from_secs_f64(99.0),

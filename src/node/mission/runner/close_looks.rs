@@ -4,7 +4,7 @@
 use super::{Destination, RunnerContext, StepRunner};
 use crate::geom::{Cell, Point};
 use crate::node::mission::MissionEvent;
-use crate::node::mission::doubts::{CloseLook, DoubtStep};
+use crate::node::mission::doubts::{CloseLook, DoubtStep, DoubtTry};
 use crate::node::mission::kind::PassedOver;
 use crate::node::mission::look_around::LookAround;
 
@@ -57,7 +57,11 @@ impl StepRunner {
                 scene.emit(MissionEvent::StaysDoubtful(place, bars));
                 self.pass_over(scene, place, PassedOver::GivenUp);
             }
-            DoubtStep::Look(look) => self.go_and_look_closely(scene, look),
+            DoubtStep::Try(DoubtTry::Look(look)) => self.go_and_look_closely(scene, look),
+            DoubtStep::Try(DoubtTry::GoBack(course)) => {
+                self.yields.end();
+                self.drive(scene, &course, Destination::OpenGround);
+            }
         }
     }
 

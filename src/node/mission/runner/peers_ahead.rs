@@ -4,7 +4,7 @@
 use super::yield_to_peers::{PeerWay, Turn, Yield, way_aside};
 use super::{Destination, RunnerContext, StepRunner, WAIT};
 use crate::geom::{Point, Segment};
-use crate::node::mission::kind::{DriveRoute, PassedOver};
+use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
 use crate::node::mission::pilot::AHEAD_M;
 use crate::node::mission::terrain::Resolution;
@@ -95,7 +95,7 @@ impl StepRunner {
         let corners = way_aside(&grid, scene.pose().at, ways, room_m)?;
         Some(DriveRoute {
             corners,
-            is_narrow: false,
+            room: RouteRoom::Kept,
         })
     }
 }

@@ -3,7 +3,7 @@
 
 use super::barred_places::BarredPlaces;
 use crate::geom::Point;
-use crate::node::mission::kind::DriveRoute;
+use crate::node::mission::kind::{DriveRoute, RouteRoom};
 use crate::node::mission::terrain::{PathSearch, RULES, Resolution, WAYS};
 use crate::plan::{NoRoute, SearchGrid, shortest_route};
 
@@ -29,7 +29,7 @@ impl RouteFinder<'_> {
             let route = shortest_route(grid, self.search.from(), goal, &RULES)?;
             Ok(DriveRoute {
                 corners: route.points[1..].to_vec(),
-                is_narrow,
+                room: RouteRoom::searched(is_narrow),
             })
         };
         let ground = |resolution: Resolution| {
@@ -103,7 +103,10 @@ mod tests {
         let terrain = terrain_of(|_, _| false);
         let mut barred = BarredPlaces::default();
         let straight = course(&terrain, &barred).unwrap();
-        assert_eq!((straight.corners.len(), straight.is_narrow), (1, false));
+        assert_eq!(
+            (straight.corners.len(), straight.room),
+            (1, RouteRoom::Kept)
+        );
         barred.note(Point::new(1.0, 0.3));
         assert!(course(&terrain, &barred).unwrap().corners.len() > 1);
         (-6..=6).for_each(|y_m| {
@@ -124,6 +127,6 @@ mod tests {
         terrain.note_place(Point::new(0.0, 0.3));
         terrain.note_place(Point::new(2.6, 0.3));
         let narrow = course(&terrain, &BarredPlaces::default()).unwrap();
-        assert!(narrow.is_narrow);
+        assert_eq!(narrow.room, RouteRoom::DrivenBefore);
     }
 }

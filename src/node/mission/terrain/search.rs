@@ -20,9 +20,7 @@ use crate::plan::{
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
 const SEARCH_MARGIN_M: f64 = 6.0;
 /// A vehicle too near to something may leave it this far, metres.
-const ESCAPE_M: f64 = 1.0;
-/// Between body and fence stays this much more than the deviation of the place asks for, metres.
-const FENCE_M: f64 = 0.05;
+pub(super) const ESCAPE_M: f64 = 1.0;
 /// A rectangle of more cells is not searched from part to part.
 const FINE_CELLS_MAX: u64 = 250_000;
 /// How paths are searched.
@@ -301,7 +299,25 @@ impl PathSearch<'_> {
                 at_least_m.is_none_or(|least_m| place.distance_to(self.pose.at) >= least_m);
             is_far && clear.passable(nodes.cell_at(place)) && leads_on(place)
         };
-        let points = back_over(self.driven, self.pose.at, has_room)?;
+        let points = self.moved_off_fence(back_over(self.driven, self.pose.at, has_room)?);
+        self.keeps_clear(&points, nodes, peers).then_some(points)
+    }
+
+    /// Returns the way back over the vehicle's own track alone to the first place that is one ground with its home, with room
+    /// all the way; `None` where the vehicle is at such a place, or none is near.
+    pub(crate) fn back_to_open(&self, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
+        let clear = self.ground(None, Resolution::Parts, false, peers)?;
+        let nodes = clear.lattice();
+        let open = Component::around(&clear, nodes.cell_at(self.settings.home), &RULES);
+        let is_open = |place: Point| {
+            let node = nodes.cell_at(place);
+            clear.passable(node) && open.contains(node)
+        };
+        if is_open(self.pose.at) {
+            return None;
+        }
+        let points = back_over(self.driven, self.pose.at, is_open)?;
+        let points = self.moved_off_fence(points);
         self.keeps_clear(&points, nodes, peers).then_some(points)
     }
 
@@ -341,17 +357,15 @@ impl PathSearch<'_> {
         let bars = |cell: Cell, bar| bar >= Bar::Confirmed && doubted.binary_search(&cell).is_err();
         let mut grid =
             SearchGrid::of_parts(&view, area, clearance, bars, self.pose.at, nodes).ok()?;
-        let keep_m = self.settings.corridor_m(self.pose.sd_m);
-        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal, None));
+        self.close_fence_at_body(&mut grid);
         // It came through there, whatever the map says now.
-        grid.open_along(self.driven);
+        grid.open_wholly_along(self.driven);
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
     }
 
-    /// Returns the confirmed cells of all of the fence that belong to small things, ascending: to no more than `most` cells
-    /// side by side.
-    pub(crate) fn small_things(&self, most: usize) -> Vec<Cell> {
+    /// Returns all confirmed cells of the fence, ascending.
+    pub(crate) fn confirmed_cells(&self) -> Vec<Cell> {
         let Some(area) = self.fenced(self.pose.at) else {
             return Vec::new();
         };
@@ -360,7 +374,23 @@ impl PathSearch<'_> {
             view.barred(*cell)
                 .is_some_and(|barred| barred.bar == Bar::Confirmed)
         };
-        let mut left: BTreeSet<Cell> = area.cells().filter(is_confirmed).collect();
+        let mut confirmed: Vec<Cell> = area.cells().filter(is_confirmed).collect();
+        confirmed.sort_unstable();
+        confirmed
+    }
+
+    /// Returns whether a look along a straight line at a place from near shows another place as well.
+    pub(crate) fn covers(&self, from: Point, at: Point, place: Point) -> bool {
+        let beams = self.settings.look.beams.iter();
+        let widest_rad = beams.map(|beam| beam.radians().abs()).fold(0.0, f64::max);
+        let off = from.angle_to(place) - from.angle_to(at);
+        off.radians().abs() <= widest_rad && self.sees_close(from, place)
+    }
+
+    /// Returns the confirmed cells of all of the fence that belong to small things, ascending: to no more than `most` cells
+    /// side by side.
+    pub(crate) fn small_things(&self, most: usize) -> Vec<Cell> {
+        let mut left: BTreeSet<Cell> = self.confirmed_cells().into_iter().collect();
         let mut small = Vec::new();
         while let Some(first) = left.pop_first() {
             let mut thing = vec![first];
@@ -506,8 +536,7 @@ impl PathSearch<'_> {
         };
         let mut grid = grid.ok()?;
         // What the map does not show is closed: fence, peers, and what only the reflex has met.
-        let node_m = Some(grid.lattice().cell_m());
-        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal, node_m));
+        self.close_fence(&mut grid, keep_m, goal);
         let clearance = self.peer_clearance(grid.lattice());
         peers
             .iter()
@@ -519,29 +548,6 @@ impl PathSearch<'_> {
         // Last: whatever was closed, the vehicle stands there and must be able to set out.
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
-    }
-
-    /// Returns how far to keep from the fence, metres, over nodes so far apart; `None` = nothing is driven. A vehicle, or
-    /// its goal, may be nearer to it than wished: then that much must do.
-    fn fence_m(&self, keep_m: f64, goal: Option<Point>, node_m: Option<f64>) -> f64 {
-        let (fence, reach_m) = (&self.settings.fence, self.settings.reach_m());
-        let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
-        // A goal may lie near the fence; but nobody comes nearer to it step by step, or than the goal asks for.
-        let least_m = reach_m + 3.0 * self.pose.sd_m + FENCE_M;
-        let goal_m = |goal: Point| {
-            let away_m = fence.distance_to_edge(goal);
-            let Some(node_m) = node_m.filter(|_| away_m >= least_m) else {
-                return edge_m(goal);
-            };
-            // The middle of the goal's node may be nearer than the goal.
-            let to_node_m = away_m - node_m * FRAC_1_SQRT_2;
-            let driven_m = least_m.min(to_node_m).max(reach_m + 2.0 * self.pose.sd_m);
-            edge_m(goal).max(driven_m)
-        };
-        keep_m
-            .min(edge_m(self.pose.at).max(least_m))
-            .min(goal.map_or(f64::INFINITY, goal_m))
-            .max(reach_m)
     }
 
     /// Closes what lies too near to what made the reflex halt; where the vehicle is nearer already, only what is nearer

@@ -37,11 +37,11 @@ fn a_node_is_found_by_its_name_and_named_by_its_place() {
 fn who_is_dead_is_not_woken_and_counts_for_nothing() {
     let (mut nodes, one) = (nodes(), NodePlace::Vehicle(0));
     let (_, generation) = nodes.set_alarm(one, Time::ZERO).unwrap();
-    assert_eq!(nodes.count_fleet(|_| true).alive, 2);
+    assert_eq!(nodes.count_fleet(|_| true, |_| false).alive, 2);
     nodes.end(one);
     assert!(!nodes.rings(one, generation));
     assert_eq!(nodes.are_dead().collect::<Vec<_>>(), [true, false]);
-    assert_eq!(nodes.count_fleet(|_| true).alive, 1);
+    assert_eq!(nodes.count_fleet(|_| true, |_| false).alive, 1);
 }
 
 #[test]

@@ -149,7 +149,7 @@ fn it_goes_on_to_what_it_wants_to_see_as_long_as_that_is_unknown() {
     let MissionStep::GoAlong(course) = world.begin() else {
         panic!("a frontier is 6 m away")
     };
-    assert!(!course.is_narrow && !course.corners.is_empty());
+    assert!(course.room == RouteRoom::Kept && !course.corners.is_empty());
     assert_eq!(world.tell(MissionInput::UnderWay), MissionStep::GoOn);
     assert!(matches!(
         world.tell(MissionInput::Arrived),

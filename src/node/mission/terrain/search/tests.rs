@@ -150,6 +150,38 @@ fn what_the_reflex_met_is_gone_around_and_hems_in_a_vehicle_that_is_near() {
 }
 
 #[test]
+fn who_is_hemmed_in_goes_back_over_its_track_to_where_its_home_can_be_reached_from() {
+    let mut world = World::of(is_wall_with_gap);
+    world.from = Point::new(3.0, 0.3);
+    assert_eq!(world.search().back_to_open(&[]), None, "no track");
+    world.driven = (0..=15)
+        .map(|step| Point::new(0.2 * f64::from(step), 0.3))
+        .collect();
+    let back = world.search().back_to_open(&[]).unwrap();
+    assert_eq!(back[0], world.from);
+    let end = *back.last().unwrap();
+    assert!(
+        (0.5..1.1).contains(&end.x_m),
+        "just before the gap: {end:?}"
+    );
+    world.from = end;
+    assert_eq!(world.search().back_to_open(&[]), None, "it is there");
+}
+
+#[test]
+fn a_track_that_lies_too_near_to_the_fence_is_gone_back_over_beside_it() {
+    let mut world = World::of(|_, _| false);
+    // The fence is at −5; 0.4 m are kept from it.
+    world.from = Point::new(3.0, -4.65);
+    let track = |y_m: f64| vec![world.from, Point::new(2.0, y_m), Point::new(1.0, -4.0)];
+    let moved = world.search().moved_off_fence(track(-4.7));
+    assert_eq!((moved[0], moved[2]), (world.from, Point::new(1.0, -4.0)));
+    assert_eq!(moved[1].x_m, 2.0);
+    assert!((-4.6..-4.58).contains(&moved[1].y_m), "{moved:?}");
+    assert_eq!(world.search().moved_off_fence(track(-4.5)), track(-4.5));
+}
+
+#[test]
 fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
     let mut world = World::of(|_, _| false);
     // The fence is at −5; so near to it no path leads through on the way elsewhere.
@@ -162,19 +194,18 @@ fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
     let deep = own_state(3.0, 0.0);
     let search = World::of(|_, _| false);
     let wished_m = keep_m(&search.settings, deep.pose);
-    let fence_m = |goal| search.search().fence_m(wished_m, goal, Some(0.1));
+    let fence_m = |goal| search.search().fence_m(wished_m, goal);
     assert!(fence_m(Some(near)) < fence_m(Some(HOME)));
     assert_eq!(fence_m(None), wished_m);
-    // Wherever a goal lies that keeps body, 3 σ and 5 cm, it is reached, and nothing comes nearer than body and 2 σ.
-    let (reach_m, sd_m) = (search.settings.reach_m(), deep.pose.sd_m);
-    let least_m = reach_m + 3.0 * sd_m + FENCE_M;
+    // Wherever a goal lies that keeps body and 3 σ, it is reached, and nothing comes nearer than that.
+    let least_m = search.settings.reach_m() + 3.0 * deep.pose.sd_m;
     let mut world = World::of(|_, _| false);
     for step in 0..40 {
         let goal = Point::new(
             3.0 + 0.013 * f64::from(step),
             -5.0 + least_m + 0.01 * f64::from(step),
         );
-        assert!(fence_m(Some(goal)) >= reach_m + 2.0 * sd_m, "{goal:?}");
+        assert!(fence_m(Some(goal)) >= least_m, "{goal:?}");
         world.from = Point::new(2.0, -2.0);
         assert!(world.search().path(goal, false, &[]).is_some(), "{goal:?}");
     }
