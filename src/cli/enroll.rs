@@ -230,14 +230,19 @@ impl EnrollArgs {
                 .iter()
                 .any(|issued| issued.issued.entry.name.node == node)
         };
-        self.check_options(&swarm, is_issued(Sender::Ground))?;
-        let mut reached = swarm.reached_nodes(&swarm.roster);
+        let joined = swarm.joined(&swarm.roster);
+        match &joined {
+            Some(joined) => self.check_options(&swarm, joined, is_issued(Sender::Ground))?,
+            None if issued.is_empty() => {}
+            None => self.check_all_given(&swarm, is_issued(Sender::Ground))?,
+        }
+        let ground = joined.as_ref().map(|(_, ground)| ground);
+        let mut reached = swarm.reached_nodes(&swarm.roster, ground);
         reached.retain(|(node, _)| !is_issued(*node));
         let all = issued
             .iter()
             .map(|issued| (issued.issued.entry.name.node, &issued.hosts));
-        let joined = swarm.joined(&swarm.roster).map(|(_, ground)| ground);
-        reached.extend(self.reached(all, joined.as_ref()));
+        reached.extend(self.reached(all, ground));
         check_apart(&reached)?;
         if issued.is_empty() {
             let issue = swarm.roster.issue;
@@ -251,14 +256,15 @@ impl EnrollArgs {
         let new: Vec<NewNode> = issued
             .into_iter()
             .map(|IssuedNode { hosts, issued }| {
+                let of = (&swarm, joined.as_ref());
                 Ok(NewNode {
                     name: issued.entry.name,
-                    files: self.files(&swarm, &next, &hosts, &issued, &venue_text)?,
+                    files: self.files(of, &next, &hosts, &issued, &venue_text)?,
                     hosts,
                 })
             })
             .collect::<Result<_, CliError>>()?;
-        let before = ListsBefore::of(&swarm, &next, None);
+        let before = ListsBefore::of((&swarm, ground), &next, None);
         let files: Vec<(Sender, Vec<NewFile>)> = new
             .iter()
             .map(|new| (new.name.node, new.files.clone()))
@@ -342,7 +348,9 @@ impl EnrollArgs {
             .roster
             .revoking(node)
             .map_err(|error| swarm.refused(ROSTER, error))?;
-        let before = ListsBefore::of(&swarm, &next, Some(node));
+        let joined = swarm.joined(&swarm.roster);
+        let ground = joined.as_ref().map(|(_, ground)| ground);
+        let before = ListsBefore::of((&swarm, ground), &next, Some(node));
         swarm.publish((&before, &next), &[])?;
         let former = swarm.retire(node, "revoked")?;
         let lists = lists_said(&swarm, &before, &next)?;
@@ -434,7 +442,7 @@ impl EnrollArgs {
 
     fn files(
         &self,
-        swarm: &Swarm,
+        (swarm, joined): (&Swarm, Option<&(Topology, Endpoint)>),
         next: &Roster,
         hosts: &[String],
         issued: &IssuedCertificate,
@@ -446,7 +454,7 @@ impl EnrollArgs {
         let config = match own_file.exists() {
             true => read::text(&own_file)?,
             false => {
-                let config = self.config_of(swarm, node, hosts, next);
+                let config = self.config_of((swarm, joined), node, hosts, next);
                 check_reach(node, hosts, &config.ground_host)?;
                 config.text(venue)?
             }
@@ -469,13 +477,15 @@ impl EnrollArgs {
     }
 
     /// Refuses options that say something else than the swarm's files; where the ground station is reached is its own to say.
-    fn check_options(&self, swarm: &Swarm, is_ground_new: bool) -> Result<(), CliError> {
-        let Some((shape, ground)) = swarm.joined(&swarm.roster) else {
-            return Ok(());
-        };
+    fn check_options(
+        &self,
+        swarm: &Swarm,
+        (shape, ground): &(Topology, Endpoint),
+        is_ground_new: bool,
+    ) -> Result<(), CliError> {
         let folder = self.folder.display();
         let given = self.topology.map(EnrolledTopology::named);
-        if let Some(given) = given.filter(|given| *given != shape) {
+        if let Some(given) = given.filter(|given| given != shape) {
             let (given, shape) = (given.name(), shape.name());
             return Err(CliError::Usage(format!(
                 "--topology {given}: the swarm is a {shape}, as the files in {folder} say; leave it out, or make a new swarm"
@@ -498,6 +508,20 @@ impl EnrollArgs {
             )));
         }
         Ok(())
+    }
+
+    /// Refuses to guess how a swarm is joined of which no folder of a node is here any more.
+    fn check_all_given(&self, swarm: &Swarm, is_ground_new: bool) -> Result<(), CliError> {
+        let is_ground_given = is_ground_new || self.ground_host.is_some();
+        let is_all_given = self.topology.is_some() && self.port.is_some() && is_ground_given;
+        if is_all_given || swarm.roster.allowed.is_empty() {
+            return Ok(());
+        }
+        Err(CliError::Usage(format!(
+            "no file in {} says how the swarm is joined: the folders of its nodes were carried away; --topology, --port and \
+             --ground-host are expected, as they were at first",
+            self.folder.display()
+        )))
     }
 
     /// Returns where others reach nodes that are to be enrolled.
@@ -532,13 +556,13 @@ impl EnrollArgs {
 
     fn config_of(
         &self,
-        swarm: &Swarm,
+        (swarm, joined): (&Swarm, Option<&(Topology, Endpoint)>),
         node: Sender,
         hosts: &[String],
         roster: &Roster,
     ) -> NodeConfig {
-        let (shape, ground) = swarm.joined(&swarm.roster).unzip();
-        let ground_host = self.ground_host(ground.as_ref());
+        let (shape, ground) = joined.map(|(shape, ground)| (*shape, ground)).unzip();
+        let ground_host = self.ground_host(ground);
         let port = self.port.or(ground.map(|ground| ground.port));
         let state_dir = format!("/var/lib/tomoswarm/{}", CommonName::node_name(node));
         NodeConfig {

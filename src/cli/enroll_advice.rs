@@ -160,12 +160,15 @@ pub(super) fn roster_advice(
 ) -> String {
     let roster = swarm.folder.join(ROSTER);
     let roster = roster.display();
-    let mut text = String::new();
+    let (mut text, mut carried_away) = (String::new(), Vec::new());
     for node in next.allowed.iter().map(|entry| entry.name.node) {
         if has_it(node) {
             continue;
         }
-        let hosts = swarm.hosts_of(node).unwrap_or_default();
+        let Some(hosts) = swarm.hosts_of(node) else {
+            carried_away.push(CommonName::node_name(node));
+            continue;
+        };
         let line = match (node, hosts.iter().find(|host| is_far(host))) {
             // Its commands read its folder each time, and in a mesh its file names the new vehicles.
             (Sender::Operator(_), Some(host)) => {
@@ -186,6 +189,14 @@ pub(super) fn roster_advice(
     }
     if !text.is_empty() {
         text = format!("the others need the new roster, running or not:\n{text}");
+    }
+    // Nothing but its folder says where a node is reached.
+    if !carried_away.is_empty() {
+        text += &format!(
+            "no certificate of {} is here, so nothing says where they are reached, and new files do not name them: bring \
+             {roster} to the machine of each, and there: sudo tomoswarm accept {ROSTER} (of an operator into its folder)\n",
+            carried_away.join(", ")
+        );
     }
     let key = swarm.folder.join(CA_KEY);
     text + &format!(

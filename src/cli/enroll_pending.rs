@@ -27,15 +27,19 @@ pub(super) struct ListsBefore {
 }
 
 impl ListsBefore {
-    /// Notes what a swarm's lists say before another roster comes into force, by which a node may be revoked.
-    pub(super) fn of(swarm: &Swarm, next: &Roster, revoked: Option<Sender>) -> ListsBefore {
-        let ground = swarm.joined(&swarm.roster).map(|(_, ground)| ground);
+    /// Notes what a swarm's lists say, and where its ground station is reached, before another roster comes into force, by which
+    /// a node may be revoked.
+    pub(super) fn of(
+        (swarm, ground): (&Swarm, Option<&Endpoint>),
+        next: &Roster,
+        revoked: Option<Sender>,
+    ) -> ListsBefore {
         let text = |endpoint: &Endpoint| endpoint.to_string();
         ListsBefore {
             issue: next.issue,
             vehicles: vehicles_of(&swarm.roster).iter().map(|id| id.0).collect(),
             reached: swarm.reached(&swarm.roster).iter().map(text).collect(),
-            ground: ground.as_ref().map(text),
+            ground: ground.map(text),
             revoked: revoked.map(CommonName::node_name),
         }
     }

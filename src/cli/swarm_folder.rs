@@ -371,11 +371,13 @@ impl Swarm {
         vehicles.filter_map(|id| self.reached_vehicle(id)).collect()
     }
 
-    /// Returns where the ground station and the vehicles of a roster are reached by others.
-    pub(super) fn reached_nodes(&self, roster: &Roster) -> Vec<(Sender, Endpoint)> {
-        let ground = self
-            .joined(roster)
-            .map(|(_, ground)| (Sender::Ground, ground));
+    /// Returns where the ground station, as it is given, and the vehicles of a roster are reached by others.
+    pub(super) fn reached_nodes(
+        &self,
+        roster: &Roster,
+        ground: Option<&Endpoint>,
+    ) -> Vec<(Sender, Endpoint)> {
+        let ground = ground.map(|ground| (Sender::Ground, ground.clone()));
         let ground =
             ground.filter(|(node, ground)| roster.of(*node).is_some() && is_far(&ground.host));
         let vehicles = vehicles_of(roster).into_iter();

@@ -5,6 +5,9 @@ use tomoswarm_proto::{Deviation, Heading, PoseReport};
 
 use super::{Angle, Point};
 
+/// By so many deviations a coordinate of a place may be off at most, as far as anybody reckons with it.
+pub const WORST_DEVIATIONS: f64 = 3.0;
+
 /// A place with a heading and the standard deviation of the place.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Pose {
@@ -15,9 +18,6 @@ pub struct Pose {
     /// Standard deviation of each coordinate of the place, metres; infinite = not known.
     pub sd_m: f64,
 }
-
-/// By so many deviations a coordinate of a place may be off at most, as far as anybody reckons with it.
-pub const WORST_DEVIATIONS: f64 = 3.0;
 
 impl Pose {
     /// Returns by how much each coordinate of the place may be off at most, metres.

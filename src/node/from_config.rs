@@ -32,6 +32,7 @@ impl VehicleSettings {
             radio: sim.radio.own,
             safety: sim.safety,
             path_time: sim.durations.route(),
+            has_ring: sim.is_planned_by_ground(),
             // The scenario's operator gives it.
             task: None,
             carried_m: sim.vehicles.flight.carried_m(),
@@ -51,6 +52,7 @@ impl VehicleSettings {
             radio: file.radio,
             safety: file.safety,
             path_time: PATH_TIME,
+            has_ring: true,
             // It knows of no others: it visits all places, and begins its legs by its number.
             task: file
                 .task
@@ -74,6 +76,8 @@ struct VehicleInputs<'f> {
     radio: OwnRadio,
     safety: Safety,
     path_time: Duration,
+    /// Whether they may be sent to the border of the area.
+    has_ring: bool,
     task: Option<TaskKind>,
     carried_m: f64,
     autopilot: autopilot::AutopilotLinkSettings,
@@ -84,7 +88,8 @@ impl VehicleInputs<'_> {
         let (fence, area) = (&self.venue.fence, self.venue.area.polygon());
         let around_area_m = fence
             .edges()
-            .flat_map(|edge| area.edges().map(move |side| side.distance_to(edge)));
+            .flat_map(|edge| area.edges().map(move |side| side.distance_to(edge)))
+            .filter(|_| self.has_ring);
         VehicleSettings {
             vehicle,
             boot,

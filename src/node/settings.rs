@@ -1,5 +1,6 @@
 //! What a vehicle is told about itself and its venue before it starts; validated by `config`.
 
+use std::f64::consts::SQRT_2;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -117,6 +118,33 @@ pub struct RadioSettings {
     pub successor: Option<Duration>,
 }
 
+/// Who stands too near to the fence has left it after so much of a route, metres, if that is enough.
+const LEAVES_FENCE_M: f64 = 1.0;
+/// A way away from the fence is so much longer than what it gains, metres.
+const LEAVES_SPARE_M: f64 = 0.2;
+
+/// Returns how many times as far off as each coordinate a place may be across a side of a fence: both may be, and a corner that
+/// points inwards has a side of every direction.
+fn slant_of(fence: &Polygon) -> f64 {
+    if !fence.is_convex() {
+        return SQRT_2;
+    }
+    let slants = fence.edges().map(|edge| {
+        let along = edge.vector();
+        (along.x_m.abs() + along.y_m.abs()) / along.length_m()
+    });
+    slants.filter(|slant| slant.is_finite()).fold(1.0, f64::max)
+}
+
+impl LookSettings {
+    /// Returns whether a close look along a heading shows what lies so far beside it.
+    pub fn covers(&self, off: Angle) -> bool {
+        let half_rad = self.half_angle.radians();
+        let is_in = |beam: &Angle| (off - *beam).radians().abs() <= half_rad;
+        self.beams.iter().any(is_in)
+    }
+}
+
 impl VehicleSettings {
     /// Returns the layer of maps that it writes.
     pub fn layer(&self) -> LayerId {
@@ -135,7 +163,13 @@ impl VehicleSettings {
     /// off; but not more than the venue leaves at its home and around the area, where it has to be.
     pub fn fence_reach_m(&self, pose: Pose) -> f64 {
         let reach_m = self.reach_m();
-        (reach_m + pose.off_m()).min(self.fence_room_m).max(reach_m)
+        let off_m = pose.off_m() * slant_of(&self.fence);
+        (reach_m + off_m).min(self.fence_room_m).max(reach_m)
+    }
+
+    /// Returns after how much of its route a vehicle has left the fence that stands `here_m` from it, too near, metres.
+    pub fn leaves_fence_m(&self, pose: Pose, here_m: f64) -> f64 {
+        LEAVES_FENCE_M.max(self.fence_reach_m(pose) - here_m + LEAVES_SPARE_M)
     }
 
     /// Returns half the width of the corridor that must be free for a pose deviation, metres.

@@ -113,8 +113,8 @@ pub struct RunOutcome {
     pub structure: Option<Reconstruction>,
     /// Which of the two could not be made of what was measured, and why; of a live run not known.
     pub not_made: Vec<(Subject, String)>,
-    /// What the vehicles whose software runs at the end and the ground station know together, merged as each of them merges
-    /// it, whoever hears whom by then; of a live run what the ground station has stored.
+    /// What the vehicles whose software runs at the end and the ground station know together, merged as the ground station
+    /// merges it, whoever hears whom by then; of a live run what the ground station has stored.
     pub map: Merged,
     /// Where each vehicle truly was, 0.05 m and more apart, at the times of its telemetry.
     pub tracks: Vec<(VehicleId, Vec<Point>)>,

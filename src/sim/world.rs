@@ -29,6 +29,8 @@ use crate::plan::Mounts;
 use crate::scene::{Attenuation, Cuts, Scene};
 use crate::time::Time;
 
+/// What rounding may take of a distance, metres: a body that just touches the fence has not left it.
+const ROUNDING_M: f64 = 1e-6;
 /// Objects are touched by what a vehicle has above this height, metres: it drives on the ground.
 pub(super) const GROUND_CLEARANCE_M: f64 = 0.02;
 
@@ -380,7 +382,8 @@ impl World {
     fn judge_fence(&mut self, vehicle: usize, now: Time) {
         let body = self.crafts[vehicle].autopilot.motion().body();
         let swept = body.swept(now, Time::NEVER);
-        let inside = |way: &Segment| self.fence.contains_corridor(*way, self.build.radius_m);
+        let radius_m = self.build.radius_m - ROUNDING_M;
+        let inside = |way: &Segment| self.fence.contains_corridor(*way, radius_m);
         if let Some(outside) = swept.iter().find(|piece| !inside(&piece.segment)) {
             self.fence_breaches.push(FenceBreach {
                 at: now,

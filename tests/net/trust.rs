@@ -519,6 +519,35 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
 }
 
 #[test]
+fn of_a_node_whose_folder_was_carried_away_nothing_is_assumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (root, swarm) = (folder.path(), folder.path().join("swarm"));
+    let call = "swarm --venue VENUE --ground ground.local --vehicle 1=rover1.local --port 7600 --topology star";
+    good(root, call);
+    fs::rename(swarm.join("vehicle-1"), root.join("carried")).unwrap();
+    let printed = good(root, "swarm --venue VENUE vehicle 2 --host rover2.local");
+    assert!(
+        printed.contains("no certificate of vehicle-1 is here"),
+        "{printed}"
+    );
+    // On this machine the roster is for nobody.
+    assert!(
+        !printed.contains("  sudo tomoswarm accept swarm/"),
+        "{printed}"
+    );
+    for node in ["ground", "vehicle-2"] {
+        fs::rename(swarm.join(node), root.join(node)).unwrap();
+    }
+    let next = "swarm --venue VENUE vehicle 3 --host rover3.local";
+    bad(root, next, "no file in swarm says how the swarm is joined");
+    let printed = good(
+        root,
+        &format!("{next} --topology star --port 7600 --ground-host ground.local"),
+    );
+    assert!(printed.contains("vehicle-3.1 is enrolled"), "{printed}");
+}
+
+#[test]
 fn a_roster_that_has_not_got_to_every_folder_is_brought_there_by_the_next_call() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

@@ -1,6 +1,7 @@
 //! What may bar a way and may not: cells that only explain an echo best, and ground that was looked at and is still unknown.
 //! Before a place is given up, or an exploration ends, they are looked at from near, from ground that is free, at most so
-//! often. *No way* is said only when none exists with all of them taken for free.
+//! often; and who is hemmed in goes back to open ground. *No way* is said only when none exists with all of them taken for
+//! free, and what bars the others for good was looked at from near.
 //!
 //! Deliberately absent: driving and looking, see [`super::runner`]; what a look means for the map.
 
@@ -18,8 +19,10 @@ const LOOKS_MAX: usize = 3;
 const PART_M: f64 = 0.6;
 /// So many close looks for one goal, wherever.
 const LOOKS_ALL_MAX: usize = 40;
-/// So often it goes back to open ground for one goal, and begins to look anew.
+/// So often it goes back to open ground for one goal.
 const WENT_BACK_MAX: usize = 2;
+/// So many more looks it may take then, each time.
+const LOOKS_AFTER_BACK: usize = 10;
 /// So many cells are given up for one goal; what else bars is not looked at.
 const GIVEN_UP_MAX: usize = 24;
 /// A thing of no more cells is small: it may be none.
@@ -69,7 +72,8 @@ pub(crate) enum DoubtTry {
 pub(crate) enum DoubtStep {
     /// Try this first.
     Try(DoubtTry),
-    /// No way exists, even if everything were free but what is confirmed; by the middles of cells that bar, a few.
+    /// No way exists, even if everything were free but what is confirmed, and was looked at from near; by the middles of cells
+    /// that bar, a few.
     NoWay(Vec<Point>),
     /// Everything in doubt was looked at that can be; what was and bars still, by the middles of cells, a few.
     Spent(Vec<Point>),
@@ -117,23 +121,21 @@ impl Doubts {
         }
     }
 
-    /// Returns the way back to open ground where the vehicle is hemmed in, and forgets what it has looked at there.
+    /// Returns the way back to open ground where the vehicle is hemmed in; what it gave up here may be looked at from there.
     fn go_back(&mut self, search: &PathSearch<'_>, peers: &[Vec<Point>]) -> Option<DriveRoute> {
         if self.went_back >= WENT_BACK_MAX {
             return None;
         }
         let points = search.back_to_open(peers)?;
-        *self = Doubts {
-            went_back: self.went_back + 1,
-            ..Doubts::default()
-        };
+        self.went_back += 1;
+        self.given_up.clear();
         Some(DriveRoute {
             corners: points[1..].to_vec(),
             room: RouteRoom::OwnTrack,
         })
     }
 
-    /// Returns the same, wherever the vehicle stands.
+    /// Returns what to do next from where the vehicle stands to reach a goal to which no way is known.
     fn judged(&mut self, search: &PathSearch<'_>, goal: Point, peers: &[Vec<Point>]) -> DoubtStep {
         let Some(whole) = search.optimistic_ground(Some(goal), &[]) else {
             return DoubtStep::Spent(Vec::new());
@@ -166,14 +168,16 @@ impl Doubts {
     }
 
     /// Returns what to do about cells that bar for good, but were confirmed by echoes from wherever the vehicle happened to be:
-    /// each that a way would lead over is looked at once from near. `None` = so it is with all ways: none exists.
+    /// each that a way would lead over is looked at from near. `None` = so it is with all ways: none exists.
     fn past_confirmed(
         &mut self,
         search: &PathSearch<'_>,
         goal: Point,
         peers: &[Vec<Point>],
     ) -> Option<DoubtStep> {
-        let reached = Reached::from_here(search, peers)?;
+        let Some(reached) = Reached::from_here(search, peers) else {
+            return Some(DoubtStep::Spent(Vec::new()));
+        };
         let doubted = self.never_looked_at(search);
         let whole = search.optimistic_ground(Some(goal), &doubted)?;
         let route = |grid: &SearchGrid| shortest_route(grid, search.from(), goal, &RULES).ok();
@@ -208,7 +212,7 @@ impl Doubts {
             let is_shown = |(from, at): &(Point, Point)| {
                 from.distance_to(place) <= far_m && search.covers(*from, *at, place)
             };
-            self.places_of(lattice, *cell).is_empty() && !looks.iter().any(is_shown)
+            !looks.iter().any(is_shown)
         });
         cells
     }
@@ -329,7 +333,9 @@ impl Doubts {
             .map(|(_, places)| places.len())
             .sum::<usize>();
         let places = self.places_of(search.lattice(), at);
-        if looked >= LOOKS_ALL_MAX || self.given_up.len() >= GIVEN_UP_MAX {
+        if looked >= LOOKS_ALL_MAX + self.went_back * LOOKS_AFTER_BACK
+            || self.given_up.len() >= GIVEN_UP_MAX
+        {
             return Some(self.spent(search));
         }
         let is_spent = places.len() >= LOOKS_MAX;
@@ -559,7 +565,21 @@ fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec
         .filter(|node| reached.cost_m(*node).is_some());
     let away_m = |node: Cell| (nodes.centre(node).distance_to(goal), node);
     let nearest = cells.map(away_m).min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.map_or_else(Vec::new, |(_, node)| barring(nodes.centre(node)))
+    let before_goal = nearest.map_or_else(Vec::new, |(_, node)| barring(nodes.centre(node)));
+    if !before_goal.is_empty() {
+        return before_goal;
+    }
+    // Nothing bars in a straight line: what bars the way that there would be without all that is confirmed.
+    let without = search.optimistic_ground(Some(goal), &search.confirmed_cells());
+    let route = without.and_then(|grid| shortest_route(&grid, search.from(), goal, &RULES).ok());
+    let places = route.map_or_else(Vec::new, |route| places_along(&route.points));
+    let is_reached = |at: &Point| reached.cost_m(nodes.cell_at(*at)).is_some();
+    let beyond = places
+        .iter()
+        .rposition(is_reached)
+        .map_or(0, |last| last + 1);
+    let mut beyond = places[beyond..].iter().map(|at| barring(*at));
+    beyond.find(|cells| !cells.is_empty()).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! pilot drives, the vehicle actor has the last word.
 //!
 //! ```text
-//!   [Choosing] ─ a place, aside, or home ─► [Driving]
+//!   [Choosing] ─ a place, open ground, aside, or home ─► [Driving]
 //!   [Choosing] ─ something to look at ─► [Looking]
 //!   [Choosing] ─ what the autopilot stores ─► [Following] ─ over ─► [Over]; stopped ─► [Choosing]
 //!   [Choosing] ─ peers are in the way: wait; the lowest id waits longest before it steps aside ─► [Choosing]

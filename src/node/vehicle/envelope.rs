@@ -17,10 +17,12 @@ use crate::time::Time;
 const COMMAND_AGE: Duration = Duration::from_secs(1);
 /// A route begins at most this far from where the vehicle is, metres.
 const ROUTE_START_M: f64 = 0.75;
-/// Who stands too near to the fence has left it after so much of a route, metres.
-const LEAVES_FENCE_M: f64 = 1.0;
+/// A route may begin so far behind the vehicle, which drives on meanwhile, metres.
+const BEHIND_M: f64 = 0.03;
+/// Of what it lacks to the fence a vehicle gains this share on even terms with the way on which it leaves it.
+const GAINED: f64 = 0.5;
 /// What rounding may take of a distance, metres.
-const DUST_M: f64 = 1e-6;
+const DUST_M: f64 = 1e-9;
 
 impl Vehicle {
     /// Checks a command against the envelope.
@@ -100,7 +102,7 @@ impl Vehicle {
             }
         }
         let mut ways = all_ways(items, self.settings.home).into_iter();
-        if !ways.all(|way| self.stays_inside(&way, pose)) {
+        if !ways.all(|way| self.holds(&way, pose)) {
             return Err(CommandRefusal::Fence);
         }
         match track_of(&ahead) {
@@ -131,30 +133,50 @@ impl Vehicle {
         })
     }
 
-    /// Returns whether the fence holds the body all along a route, wherever it is while it believes to be there, and where
-    /// wind may carry it from there. A vehicle that is too near to the fence already, by wind or since its place is believed
-    /// elsewhere by now, comes no nearer to any side of it, and leaves it at once.
+    /// Returns whether the fence holds the body all along a route from where the vehicle is, wherever it is while it believes to
+    /// be there, and where wind may carry it from there. Who is too near to the fence already, by wind or since its place is
+    /// believed elsewhere by now, comes no nearer to any side of it, and leaves it with all of its first piece of way.
     fn stays_inside(&self, route: &Track, pose: Pose) -> bool {
         let (settings, fence) = (&self.settings, &self.settings.fence);
         let kept_m = settings.fence_reach_m(pose) - DUST_M;
-        let is_here = route.start().distance_to(pose.at) <= ROUTE_START_M;
-        let leaves_m = if is_here { LEAVES_FENCE_M } else { 0.0 };
-        let keeps_on_leaving = |piece: Segment| {
-            fence.edges().all(|edge| {
-                let here_m = edge.distance_to_point(route.start()) - DUST_M;
-                let way_m = kept_m.min(here_m).max(settings.body.radius_m);
-                let end_m = kept_m.min(here_m + settings.carried_m);
-                piece.distance_to(edge) >= way_m && edge.distance_to_point(piece.to) >= end_m
-            })
+        let leaves_m = settings.leaves_fence_m(pose, fence.distance_to_edge(pose.at));
+        let here_m = |edge: Segment| {
+            let (here_m, start_m) = (
+                edge.distance_to_point(pose.at),
+                edge.distance_to_point(route.start()),
+            );
+            here_m.min(start_m.max(here_m - BEHIND_M)) - DUST_M
+        };
+        let comes_no_nearer = |piece: Segment| {
+            let keeps = |edge: Segment| piece.distance_to(edge) >= kept_m.min(here_m(edge));
+            fence.contains(piece.to) && fence.edges().all(keeps)
+        };
+        let leaves = |piece: Segment, share: f64| {
+            let gains = |edge: Segment| {
+                let here_m = here_m(edge);
+                let gained_m = GAINED * share * (kept_m - here_m).max(0.0);
+                let end_m = kept_m.min(here_m + gained_m.max(settings.carried_m));
+                edge.distance_to_point(piece.to) >= end_m
+            };
+            comes_no_nearer(piece) && fence.edges().all(gains)
         };
         let mut along_m = 0.0;
-        route.segments().all(|piece| {
-            let (first, rest) = piece.split_at(leaves_m - along_m);
-            along_m += piece.length_m();
-            fence.contains(piece.to)
-                && first.is_none_or(keeps_on_leaving)
-                && rest.is_none_or(|rest| fence.contains_corridor(rest, kept_m))
-        })
+        comes_no_nearer(Segment::new(pose.at, route.start()))
+            && route.segments().all(|piece| {
+                let (first, rest) = piece.split_at(leaves_m - along_m);
+                along_m += piece.length_m();
+                let share = (along_m / leaves_m).min(1.0);
+                first.is_none_or(|first| leaves(first, share))
+                    && rest.is_none_or(|rest| fence.contains_corridor(rest, kept_m))
+            })
+    }
+
+    /// Returns whether the fence holds the body all along a way that leads from one planned place to another.
+    fn holds(&self, way: &Track, pose: Pose) -> bool {
+        let settings = &self.settings;
+        let kept_m = (settings.reach_m() + pose.off_m()).min(settings.fence_reach_m(pose)) - DUST_M;
+        let mut pieces = way.segments();
+        pieces.all(|piece| settings.fence.contains_corridor(piece, kept_m))
     }
 
     /// Returns whether a route keeps its distance from a peer, or at least leads away from it.

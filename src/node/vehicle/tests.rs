@@ -1144,6 +1144,13 @@ fn a_vehicle_in_a_corner_of_the_fence_leaves_one_side_of_it_and_comes_no_nearer_
         "a part of the way out"
     );
     assert_eq!(refusal_from(here, (20.0, 24.63)), nearer, "along it");
+    assert_eq!(refusal_from(here, (23.35, 24.65)), nearer, "even a little");
+    let outside = (24.3, 24.85);
+    assert_eq!(
+        refusal_from(outside, (24.3, 24.5)),
+        None,
+        "however near it is"
+    );
 }
 
 #[test]

@@ -43,7 +43,9 @@ pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
             path: path.clone(),
             reason,
         };
-        let segment = read(path, &mut run).map_err(refused)?;
+        let Some(segment) = read(path, &mut run).map_err(refused)? else {
+            continue;
+        };
         let folder = path.parent();
         if let Some(node) = segment.node
             && *folders.entry(node).or_insert(folder) != folder
@@ -169,7 +171,8 @@ struct SegmentContents {
     lines: Vec<(Time, String)>,
 }
 
-fn read(path: &Path, run: &mut RecordedRun) -> Result<SegmentContents, String> {
+/// Reads a file as far as it goes; `None` = it ends before it says of which node it is.
+fn read(path: &Path, run: &mut RecordedRun) -> Result<Option<SegmentContents>, String> {
     let file = File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
     let (mut reader, mut segment) = (Reader::new(file), SegmentContents::default());
     loop {
@@ -180,18 +183,22 @@ fn read(path: &Path, run: &mut RecordedRun) -> Result<SegmentContents, String> {
                 let at = |reason: String| format!("before byte {offset}: {reason}");
                 segment.take(path, found, run).map_err(at)?;
             }
-            Err(error @ ReadError::Truncated { .. }) if segment.is_known => {
-                let note = format!("{}: {error}; shown up to there", path.display());
-                run.notes.push(note);
-                break;
+            Err(error @ ReadError::Truncated { .. }) => {
+                let shown = match segment.is_known {
+                    true => "shown up to there",
+                    false => "nothing of it is shown",
+                };
+                run.notes
+                    .push(format!("{}: {error}; {shown}", path.display()));
+                return Ok(segment.is_known.then_some(segment));
             }
             Err(error) => return Err(error.to_string()),
         }
     }
-    segment
-        .is_known
-        .then_some(segment)
-        .ok_or_else(|| FOREIGN.to_owned())
+    match segment.is_known {
+        true => Ok(Some(segment)),
+        false => Err(FOREIGN.to_owned()),
+    }
 }
 
 impl SegmentContents {
@@ -333,6 +340,23 @@ mod tests {
     }
 
     #[test]
+    fn a_file_cut_before_it_says_its_node_is_named_and_the_others_are_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut whole = recording(folder.path(), Some(Boot(7)), Some(1_000));
+        whole.begin(Time::ZERO, None).unwrap();
+        whole.end().unwrap();
+        let whole = folder.path().join("flight-000001.mcap");
+        let cut = folder.path().join("flight-000002.mcap");
+        std::fs::write(&cut, &std::fs::read(&whole).unwrap()[..20]).unwrap();
+        let run = what_was_said(&[cut.clone(), whole]).unwrap();
+        let note = format!(
+            "{}: ends unfinished at byte 20; nothing of it is shown",
+            cut.display()
+        );
+        assert_eq!(run.notes, [note]);
+    }
+
+    #[test]
     fn a_start_whose_clock_was_set_late_has_the_time_that_it_noted_last() {
         let folder = tempfile::tempdir().unwrap();
         let mut set_late = recording(folder.path(), Some(Boot(7)), None);
@@ -351,7 +375,7 @@ mod tests {
         let mut run = RecordedRun::default();
         let mut all: Vec<SegmentContents> = (1..=5)
             .map(|number| folder.path().join(format!("flight-{number:06}.mcap")))
-            .map(|path| read(&path, &mut run).unwrap())
+            .map(|path| read(&path, &mut run).unwrap().unwrap())
             .collect();
         let utc_ns = |all: &[SegmentContents]| -> Vec<Option<u64>> {
             all.iter().map(|segment| segment.utc_at_zero_ns).collect()

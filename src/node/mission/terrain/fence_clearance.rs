@@ -1,9 +1,11 @@
 //! What a path keeps from the fence. Wherever there is room it keeps as much as from anything else; nowhere less than the
 //! vehicle itself insists on, but to leave the fence.
 
-use super::search::{ESCAPE_M, PathSearch};
-use crate::geom::Point;
-use crate::map::CellRect;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use super::search::PathSearch;
+use crate::geom::{Cell, Point};
+use crate::map::{Bar, CellRect};
 use crate::plan::SearchGrid;
 
 /// A path keeps this much more from the fence than the vehicle insists on, metres: it does not drive exactly on it.
@@ -28,18 +30,21 @@ impl PathSearch<'_> {
         if !fence.contains(here) || here_m >= closed_m + nodes.cell_m() {
             return;
         }
-        let Some(around) = CellRect::around(nodes, &[here], ESCAPE_M) else {
+        let leaves_m = self.settings.leaves_fence_m(self.pose, here_m);
+        let Some(around) = CellRect::around(nodes, &[here], leaves_m) else {
             return;
         };
         for node in around.cells() {
             let at = nodes.centre(node);
-            let comes_no_nearer = || {
+            let share = at.distance_to(here) / leaves_m;
+            let leaves = || {
                 fence.edges().all(|edge| {
-                    let to_side_m = edge.distance_to_point(here).min(insisted_m);
-                    edge.distance_to_point(at) >= to_side_m
+                    let here_m = edge.distance_to_point(here);
+                    let lacking_m = (insisted_m - here_m).max(0.0);
+                    edge.distance_to_point(at) >= here_m.min(insisted_m) + share * lacking_m
                 })
             };
-            if at.distance_to(here) <= ESCAPE_M && fence.contains(at) && comes_no_nearer() {
+            if share <= 1.0 && fence.contains(at) && leaves() {
                 grid.let_leave(node);
             }
         }
@@ -52,20 +57,43 @@ impl PathSearch<'_> {
     }
 
     /// Returns a way back over the own track as the vehicle may drive it: where it was believed to be nearer to the fence than
-    /// the vehicle insists on by now, it leads just beside.
-    pub(super) fn moved_off_fence(&self, mut track: Vec<Point>) -> Vec<Point> {
+    /// the vehicle insists on by now, it leads just beside, if there is room for the body; `None` if there is not.
+    pub(super) fn moved_off_fence(&self, mut track: Vec<Point>) -> Option<Vec<Point>> {
         let fence = &self.settings.fence;
-        let kept_m = self.settings.fence_reach_m(self.pose) + TRACK_SPARE_M;
+        let insisted_m = self.settings.fence_reach_m(self.pose);
+        let kept_m = insisted_m + TRACK_SPARE_M;
         for place in track.iter_mut().skip(1) {
+            let was = *place;
             for edge in fence.edges() {
                 let nearest = edge.from.toward(edge.to, edge.nearest_share(*place));
                 let away_m = nearest.distance_to(*place);
-                if away_m > 0.0 && away_m < kept_m && fence.contains(*place) {
+                if away_m > 0.0 && away_m < kept_m {
                     *place = nearest.toward(*place, kept_m / away_m);
                 }
             }
+            if *place != was
+                && !(fence.contains_disc(*place, insisted_m) && self.has_room_for_body(*place))
+            {
+                return None;
+            }
         }
-        track
+        Some(track)
+    }
+
+    /// Returns whether nothing that was heard stands where the body would be at a place.
+    fn has_room_for_body(&self, place: Point) -> bool {
+        let (lattice, reach_m) = (self.settings.lattice, self.settings.reach_m());
+        let Some(area) = CellRect::around(lattice, &[place], reach_m + lattice.cell_m()) else {
+            return false;
+        };
+        let view = self.map.view(self.settings.slice, area);
+        let touches = |cell: Cell| {
+            let barred = view
+                .barred(cell)
+                .filter(|barred| barred.bar >= Bar::Confirmed);
+            barred.is_some_and(|barred| barred.distance_m(lattice, cell, place) < reach_m)
+        };
+        !area.cells().any(touches)
     }
 
     /// Returns how far to keep from the fence, metres. A vehicle, or its goal, may be nearer to it than wished: then that much
@@ -73,7 +101,12 @@ impl PathSearch<'_> {
     pub(super) fn fence_m(&self, keep_m: f64, goal: Option<Point>) -> f64 {
         let fence = &self.settings.fence;
         let insisted_m = self.settings.fence_reach_m(self.pose);
-        let least_m = insisted_m + SPARE_M;
+        // Past a corner that points inwards a straight way comes nearer than the nodes that it joins.
+        let spare_m = match fence.is_convex() {
+            true => SPARE_M,
+            false => SPARE_M.max(self.settings.lattice.cell_m() * FRAC_1_SQRT_2),
+        };
+        let least_m = insisted_m + spare_m;
         let from_cells_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
         // A goal may lie near the fence; but nobody comes nearer to it step by step, or than the goal asks for.
         let goal_m =

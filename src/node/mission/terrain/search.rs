@@ -20,7 +20,7 @@ use crate::plan::{
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
 const SEARCH_MARGIN_M: f64 = 6.0;
 /// A vehicle too near to something may leave it this far, metres.
-pub(super) const ESCAPE_M: f64 = 1.0;
+const ESCAPE_M: f64 = 1.0;
 /// A rectangle of more cells is not searched from part to part.
 const FINE_CELLS_MAX: u64 = 250_000;
 /// How paths are searched.
@@ -55,6 +55,8 @@ impl Resolution {
     }
 }
 
+/// Between places of the track that are farther apart nobody knows how it has come from one to the other, metres.
+const JUMP_M: f64 = 2.0;
 /// Ground of this size is worth to wait for until it can be driven to again, square metres.
 const CUT_OFF_M2: f64 = 1.0;
 
@@ -299,7 +301,7 @@ impl PathSearch<'_> {
                 at_least_m.is_none_or(|least_m| place.distance_to(self.pose.at) >= least_m);
             is_far && clear.passable(nodes.cell_at(place)) && leads_on(place)
         };
-        let points = self.moved_off_fence(back_over(self.driven, self.pose.at, has_room)?);
+        let points = self.moved_off_fence(back_over(self.driven, self.pose.at, has_room)?)?;
         self.keeps_clear(&points, nodes, peers).then_some(points)
     }
 
@@ -316,8 +318,12 @@ impl PathSearch<'_> {
         if is_open(self.pose.at) {
             return None;
         }
-        let points = back_over(self.driven, self.pose.at, is_open)?;
-        let points = self.moved_off_fence(points);
+        // Nearer than this it would have arrived as it stands.
+        let is_far = |place: Point| place.distance_to(self.pose.at) >= HOME_M + nodes.cell_m();
+        let points = back_over(self.driven, self.pose.at, |place| {
+            is_far(place) && is_open(place)
+        })?;
+        let points = self.moved_off_fence(points)?;
         self.keeps_clear(&points, nodes, peers).then_some(points)
     }
 
@@ -359,7 +365,11 @@ impl PathSearch<'_> {
             SearchGrid::of_parts(&view, area, clearance, bars, self.pose.at, nodes).ok()?;
         self.close_fence_at_body(&mut grid);
         // It came through there, whatever the map says now.
-        grid.open_wholly_along(self.driven);
+        for pair in self.driven.windows(2) {
+            if pair[0].distance_to(pair[1]) <= JUMP_M {
+                grid.open_wholly_along(pair);
+            }
+        }
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
     }
@@ -381,10 +391,8 @@ impl PathSearch<'_> {
 
     /// Returns whether a look along a straight line at a place from near shows another place as well.
     pub(crate) fn covers(&self, from: Point, at: Point, place: Point) -> bool {
-        let beams = self.settings.look.beams.iter();
-        let widest_rad = beams.map(|beam| beam.radians().abs()).fold(0.0, f64::max);
         let off = from.angle_to(place) - from.angle_to(at);
-        off.radians().abs() <= widest_rad && self.sees_close(from, place)
+        self.settings.look.covers(off) && self.sees_close(from, place)
     }
 
     /// Returns the confirmed cells of all of the fence that belong to small things, ascending: to no more than `most` cells

@@ -174,11 +174,22 @@ fn a_track_that_lies_too_near_to_the_fence_is_gone_back_over_beside_it() {
     // The fence is at −5; 0.4 m are kept from it.
     world.from = Point::new(3.0, -4.65);
     let track = |y_m: f64| vec![world.from, Point::new(2.0, y_m), Point::new(1.0, -4.0)];
-    let moved = world.search().moved_off_fence(track(-4.7));
+    let moved = world.search().moved_off_fence(track(-4.7)).unwrap();
     assert_eq!((moved[0], moved[2]), (world.from, Point::new(1.0, -4.0)));
     assert_eq!(moved[1].x_m, 2.0);
     assert!((-4.6..-4.58).contains(&moved[1].y_m), "{moved:?}");
-    assert_eq!(world.search().moved_off_fence(track(-4.5)), track(-4.5));
+    assert_eq!(
+        world.search().moved_off_fence(track(-4.5)),
+        Some(track(-4.5))
+    );
+    let from = world.from;
+    let mut world = World::of(|x_m, y_m| (1.8..2.2).contains(&x_m) && (-4.4..-4.2).contains(&y_m));
+    world.from = from;
+    assert_eq!(
+        world.search().moved_off_fence(track(-4.7)),
+        None,
+        "no room beside it"
+    );
 }
 
 #[test]
@@ -207,7 +218,12 @@ fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
         );
         assert!(fence_m(Some(goal)) >= least_m, "{goal:?}");
         world.from = Point::new(2.0, -2.0);
-        assert!(world.search().path(goal, false, &[]).is_some(), "{goal:?}");
+        let path = world.search().path(goal, false, &[]).expect("a path");
+        let fence = &world.settings.fence;
+        let keeps = |pair: &[Point]| {
+            fence.contains_corridor(Segment::new(pair[0], pair[1]), least_m - 1e-6)
+        };
+        assert!(path.windows(2).all(keeps), "{goal:?}: {path:?}");
     }
 }
 
