@@ -449,18 +449,20 @@ impl Reached {
 /// Returns the cell that bars a way first beyond what of it can be reached.
 fn first_bar(search: &PathSearch<'_>, reached: &Distances, route: &[Point]) -> Option<Cell> {
     let places = places_along(route);
-    let is_reached = |at: &Point| reached.cost_m(reached.lattice().cell_at(*at)).is_some();
-    let last = places
-        .iter()
-        .rposition(is_reached)
-        .map_or(0, |index| index + 1);
-    let beyond = &places[last.min(places.len())..];
+    let beyond = beyond_reached(reached, &places);
     // A way may lie between the places that are searched: then what it is closest to.
     let spare_m = 0.75 * reached.lattice().cell_m();
     [0.0, spare_m].into_iter().find_map(|spare_m| {
         let first = |at: &Point| search.barring(*at, Bar::Unknown, spare_m).first().copied();
         beyond.iter().find_map(first)
     })
+}
+
+/// Returns which of the places along a way lie beyond the last one that can be reached.
+fn beyond_reached<'p>(reached: &Distances, places: &'p [Point]) -> &'p [Point] {
+    let is_reached = |at: &Point| reached.cost_m(reached.lattice().cell_at(*at)).is_some();
+    let last = places.iter().rposition(is_reached);
+    &places[last.map_or(0, |last| last + 1)..]
 }
 
 /// Returns places along a route, a step apart.
@@ -573,12 +575,9 @@ fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec
     let without = search.optimistic_ground(Some(goal), &search.confirmed_cells());
     let route = without.and_then(|grid| shortest_route(&grid, search.from(), goal, &RULES).ok());
     let places = route.map_or_else(Vec::new, |route| places_along(&route.points));
-    let is_reached = |at: &Point| reached.cost_m(nodes.cell_at(*at)).is_some();
-    let beyond = places
+    let mut beyond = beyond_reached(&reached, &places)
         .iter()
-        .rposition(is_reached)
-        .map_or(0, |last| last + 1);
-    let mut beyond = places[beyond..].iter().map(|at| barring(*at));
+        .map(|at| barring(*at));
     beyond.find(|cells| !cells.is_empty()).unwrap_or_default()
 }
 
