@@ -249,6 +249,11 @@ pub struct OccupancyGrid {
 }
 
 impl OccupancyGrid {
+    /// Returns which cells it holds.
+    pub fn area(&self) -> CellRect {
+        self.area
+    }
+
     /// Returns what is known of a cell.
     #[inline]
     pub fn occupancy(&self, cell: Cell) -> Occupancy {

@@ -33,6 +33,7 @@ impl VehicleSettings {
             safety: sim.safety,
             path_time: sim.durations.route(),
             has_ring: sim.is_planned_by_ground(),
+            expected_sd_m: sim.vehicles.pose_sd_m,
             // The scenario's operator gives it.
             task: None,
             carried_m: sim.vehicles.flight.carried_m(),
@@ -53,6 +54,7 @@ impl VehicleSettings {
             safety: file.safety,
             path_time: PATH_TIME,
             has_ring: true,
+            expected_sd_m: file.pose.expected_sd_m,
             // It knows of no others: it visits all places, and begins its legs by its number.
             task: file
                 .task
@@ -78,6 +80,7 @@ struct VehicleInputs<'f> {
     path_time: Duration,
     /// Whether they may be sent to the border of the area.
     has_ring: bool,
+    expected_sd_m: f64,
     task: Option<TaskKind>,
     carried_m: f64,
     autopilot: autopilot::AutopilotLinkSettings,
@@ -98,6 +101,7 @@ impl VehicleInputs<'_> {
             listens_for: LISTENS_FOR,
             fence: fence.clone(),
             fence_room_m: around_area_m.fold(fence.distance_to_edge(home), f64::min),
+            expected_sd_m: self.expected_sd_m,
             home,
             lattice: Lattice::new(self.venue.cell_m),
             slice: 0,

@@ -29,6 +29,8 @@ pub struct VehicleSettings {
     pub fence: Polygon,
     /// How far from the fence its home and the border of the area are, at least, metres.
     pub fence_room_m: f64,
+    /// The deviation of its place that its file expects, metres.
+    pub expected_sd_m: f64,
     /// Where it returns to.
     pub home: Point,
     /// The cells of the map.
@@ -118,6 +120,10 @@ pub struct RadioSettings {
     pub successor: Option<Duration>,
 }
 
+/// A place whose deviation is this many times the expected one is worse known.
+const WORSE: f64 = 1.2;
+/// A deviation that is larger by less than this is none worse, metres.
+const WORSE_M: f64 = 0.02;
 /// Who stands too near to the fence has left it after so much of a route, metres, if that is enough.
 const LEAVES_FENCE_M: f64 = 1.0;
 /// A way away from the fence is so much longer than what it gains, metres.
@@ -160,11 +166,25 @@ impl VehicleSettings {
     }
 
     /// Returns how far the middle of a vehicle at a pose stays from the fence, metres: its reach, and what its place may be
-    /// off; but not more than the venue leaves at its home and around the area, where it has to be.
+    /// off. As long as that is what its file expects it is not more than the venue leaves at its home and around the area, where
+    /// the vehicle has to be; what its place is worse known is kept everywhere.
     pub fn fence_reach_m(&self, pose: Pose) -> f64 {
         let reach_m = self.reach_m();
-        let off_m = pose.off_m() * slant_of(&self.fence);
-        (reach_m + off_m).min(self.fence_room_m).max(reach_m)
+        let off_m = |pose: Pose| pose.off_m() * slant_of(&self.fence);
+        let expected_m = off_m(Pose {
+            sd_m: self.expected_sd_m.min(pose.sd_m),
+            ..pose
+        });
+        let room_m = (reach_m + expected_m).min(self.fence_room_m).max(reach_m);
+        match self.is_worse_known(pose) {
+            true => room_m + off_m(pose) - expected_m,
+            false => room_m,
+        }
+    }
+
+    /// Returns whether the place of a pose is worse known than the vehicle's file expects.
+    pub fn is_worse_known(&self, pose: Pose) -> bool {
+        pose.sd_m > WORSE * self.expected_sd_m + WORSE_M
     }
 
     /// Returns after how much of its route a vehicle has left the fence that stands `here_m` from it, too near, metres.

@@ -79,6 +79,7 @@ pub fn settings(vehicle: u8) -> VehicleSettings {
         listens_for: Duration::from_secs(2),
         fence: Rect::new(Point::new(-5.0, -5.0), Point::new(25.0, 25.0)).polygon(),
         fence_room_m: 5.0,
+        expected_sd_m: 0.02,
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,

@@ -192,6 +192,7 @@ impl Vehicle {
             self.drift.learn(end, telemetry.pose.at, most_m);
         }
         self.stop_when_lost(now, &telemetry, out);
+        self.stop_before_fence(now, &telemetry, out);
         if self.movement.is_stop_due_again(now, telemetry.motion) {
             self.stop(now, out);
         }
@@ -267,6 +268,22 @@ impl Vehicle {
             self.stop(now, out);
             out.push(Out::SafetyEvent(SafetyEvent::Refused(
                 CommandRefusal::PoseUncertain,
+            )));
+        }
+    }
+
+    /// Stops a vehicle whose place has become worse known on its way, when the rest of that keeps too little from the fence
+    /// by now.
+    fn stop_before_fence(&mut self, now: Time, telemetry: &Telemetry, out: &mut Vec<Out>) {
+        let pose = telemetry.pose;
+        if telemetry.motion != Motion::Driving || !self.settings.is_worse_known(pose) {
+            return;
+        }
+        let route = self.movement.route_from(pose.at).and_then(Track::new);
+        if route.is_some_and(|route| !self.stays_inside(&route, pose)) {
+            self.stop(now, out);
+            out.push(Out::SafetyEvent(SafetyEvent::Refused(
+                CommandRefusal::Fence,
             )));
         }
     }

@@ -457,6 +457,7 @@ fn settings(vehicle: u8, boot: u32) -> VehicleSettings {
         listens_for: std::time::Duration::ZERO,
         fence: Rect::new(Point::new(-50.0, -50.0), Point::new(100.0, 100.0)).polygon(),
         fence_room_m: 1.0,
+        expected_sd_m: 0.02,
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,

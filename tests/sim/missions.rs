@@ -537,39 +537,66 @@ fn a_rover_comes_out_again_by_a_doorway_within_centimetres_of_what_it_needs() {
     }
 }
 
+/// Runs a simulation of the folder `tests`; returns its summary and its log.
+fn run_file(file: &str, seed: u32) -> (serde_json::Value, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let file = format!("{}/tests/{file}", env!("CARGO_MANIFEST_DIR"));
+    let seed = seed.to_string();
+    std::process::Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
+        .args(["sim", &file, "--seed", &seed, "--no-pictures", "--out"])
+        .arg(&out)
+        .output()
+        .unwrap();
+    let text = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let summary = serde_json::from_str(&text("summary.json")).unwrap();
+    (summary, text("run.log"))
+}
+
+fn breaches(file: &str, seed: u32) -> Option<u64> {
+    run_file(file, seed).0["fence_breaches"].as_u64()
+}
+
 #[test]
 fn who_is_hemmed_in_leaves_no_fence_and_calls_nothing_unreachable_that_is_not() {
-    let run = |file: &str, seed: u32| {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("out");
-        let file = format!("{}/tests/pens/{file}", env!("CARGO_MANIFEST_DIR"));
-        std::process::Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
-            .args([
-                "sim",
-                &file,
-                "--seed",
-                &seed.to_string(),
-                "--no-pictures",
-                "--out",
-            ])
-            .arg(&out)
-            .output()
-            .unwrap();
-        let text = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
-        let summary: serde_json::Value = serde_json::from_str(&text("summary.json")).unwrap();
-        (summary["fence_breaches"].as_u64(), text("run.log"))
-    };
     // A strip of 1 m between a block and the fence: with these seeds the body left the fence.
     for seed in [4, 9, 11, 12, 18] {
-        assert_eq!(run("strip.sim.toml", seed).0, Some(0), "seed {seed}");
+        assert_eq!(
+            breaches("pens/strip.sim.toml", seed),
+            Some(0),
+            "seed {seed}"
+        );
     }
     // A room behind a corridor of 1.25 m: with these seeds it was called unreachable.
     for seed in [10, 11] {
-        let (breaches, log) = run("room.sim.toml", seed);
-        assert_eq!(breaches, Some(0));
+        let (summary, log) = run_file("pens/room.sim.toml", seed);
+        assert_eq!(summary["fence_breaches"].as_u64(), Some(0));
         for place in ["[17.000, 7.500]", "[17.000, 12.500]", "[2.000, 17.000]"] {
             let wrong = format!("has found no way to {place}");
             assert!(!log.contains(&wrong), "seed {seed}: {wrong}");
         }
+    }
+}
+
+#[test]
+fn who_knows_its_place_worse_than_expected_keeps_that_from_the_fence_although_its_home_is_nearer() {
+    // With these seeds the body left the fence.
+    for seed in [1, 2, 3, 8] {
+        assert_eq!(breaches("pens/lost.sim.toml", seed), Some(0), "seed {seed}");
+    }
+}
+
+#[test]
+fn explorers_see_walls_that_are_thicker_than_a_cell_from_all_sides() {
+    // With these seeds less than 80 % were seen.
+    for seed in [3, 7, 9, 10] {
+        let (summary, log) = run_file("slabs/fine.sim.toml", seed);
+        let share = summary["detected_cells"].as_f64().unwrap()
+            / summary["visible_cells"].as_f64().unwrap();
+        assert!(
+            log.contains("has ended its mission: did everything"),
+            "seed {seed}"
+        );
+        assert!(share >= 0.95, "seed {seed}: {share}");
     }
 }

@@ -76,6 +76,8 @@ pub(super) enum MissionStep {
     LookAround,
     /// Look at one cell.
     LookAt(Cell),
+    /// Look at one cell before a face of what stands.
+    LookAtFace(Cell),
     /// Look from near at one cell that may bar the way.
     LookClosely(Cell),
     /// Something was in the way: wait, longer every time, and be ready then.
@@ -175,8 +177,8 @@ pub(super) trait Behaviour {
     /// Records that a tile of the map has changed.
     fn tile_changed(&mut self, _address: TileAddress) {}
 
-    /// Records where the peers are, before anything else is decided.
-    fn watch_peers(&mut self, _around: &MissionContext<'_>) {}
+    /// Records where it and its peers are, before anything else is decided.
+    fn watch(&mut self, _around: &MissionContext<'_>) {}
 }
 
 /// The list of all kinds.

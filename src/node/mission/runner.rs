@@ -246,7 +246,7 @@ impl StepRunner {
             self.is_blocked(scene, *by);
         }
         if let Some(mission) = self.mission.under_way() {
-            mission.watch_peers(&scene.surroundings());
+            mission.watch(&scene.surroundings());
         }
         match self.phase {
             Phase::Choosing { from } if from <= scene.now => self.tell(scene, MissionInput::Ready),
@@ -278,7 +278,8 @@ impl StepRunner {
         let Some(mission) = self.mission.under_way() else {
             return self.head_home(scene);
         };
-        match mission.next(seen, &scene.surroundings()) {
+        let step = mission.next(seen, &scene.surroundings());
+        match step {
             MissionStep::GoOn => {}
             MissionStep::Think => {
                 self.yields.end();
@@ -294,7 +295,11 @@ impl StepRunner {
                 let toward = scene.pose().heading;
                 self.begin_look(scene, LookAround::toward(toward, scene.now), None);
             }
-            MissionStep::LookAt(cell) => {
+            MissionStep::LookAt(cell) | MissionStep::LookAtFace(cell) => {
+                if matches!(step, MissionStep::LookAtFace(_)) {
+                    // Each is looked at so often at most: this cannot go on for ever.
+                    self.progress.get_on(scene.now);
+                }
                 self.yields.end();
                 let toward = scene.pose().at.angle_to(self.settings.lattice.centre(cell));
                 self.begin_look(scene, LookAround::once(toward, scene.now), Some(cell));

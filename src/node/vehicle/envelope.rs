@@ -136,7 +136,7 @@ impl Vehicle {
     /// Returns whether the fence holds the body all along a route from where the vehicle is, wherever it is while it believes to
     /// be there, and where wind may carry it from there. Who is too near to the fence already, by wind or since its place is
     /// believed elsewhere by now, comes no nearer to any side of it, and leaves it with all of its first piece of way.
-    fn stays_inside(&self, route: &Track, pose: Pose) -> bool {
+    pub(super) fn stays_inside(&self, route: &Track, pose: Pose) -> bool {
         let (settings, fence) = (&self.settings, &self.settings.fence);
         let kept_m = settings.fence_reach_m(pose) - DUST_M;
         let leaves_m = settings.leaves_fence_m(pose, fence.distance_to_edge(pose.at));

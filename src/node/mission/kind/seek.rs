@@ -5,15 +5,19 @@
 //!   [Fresh]    ─ looked around ─► [Choosing]
 //!   [Choosing] ─ a place to look from ─► [Going]
 //!   [Going]    ─ looked, seen on the way, or blocked ─► [Choosing]
+//!   [Choosing] ─ nothing unknown is left, but a face that nobody met from in front ─► [Facing]
+//!   [Facing]   ─ looked, or blocked ─► [Choosing]
 //!   [Choosing] ─ nothing is left, but something that may bar the way and may not ─► [Doubting]
 //!   [Doubting] ─ looked at it from near, or blocked ─► [Choosing]
 //! ```
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from elsewhere, is left: at first
-//! after a few, and when nothing else is left to be seen, after some more. Who looks at what is judged by where the peers
+//! after a few, and when nothing else is left to be seen, after some more. An exploration looks at last at what stands from all
+//! sides. Who looks at what is judged by where the peers
 //! say that they are going, of one that does not say it by its place and way. Deliberately absent: agreements. A goal is
 //! said, not asked for: two that choose at once may choose alike for a moment.
 
+mod faces;
 mod frontier_candidates;
 mod known_frontiers;
 mod look_history;
@@ -24,6 +28,7 @@ mod shadow;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
+use self::faces::Sweeps;
 use self::frontier_candidates::{FrontierCandidate, Reach, hides_something, sees};
 use self::known_frontiers::KnownFrontiers;
 use self::look_history::{LookHistory, Rigour};
@@ -76,7 +81,7 @@ impl Preference {
     fn rigours(self) -> &'static [Rigour] {
         match self {
             Preference::NearObjects => &[Rigour::Quick],
-            Preference::FarFromPeers => &[Rigour::Quick, Rigour::Thorough],
+            Preference::FarFromPeers => &[Rigour::Quick, Rigour::Thorough, Rigour::Faces],
         }
     }
 }
@@ -89,6 +94,8 @@ enum Stage {
     Choosing,
     /// On its way to where this cell can be seen.
     Going(Cell),
+    /// On its way to where the face behind this cell is met from in front.
+    Facing(Cell),
     /// On its way to where this cell, which may bar the way and may not, can be looked at from near.
     Doubting(Cell),
 }
@@ -100,8 +107,14 @@ pub(crate) struct Seek {
     prefers: Preference,
     stage: Stage,
     looks: LookHistory,
+    /// From where faces were looked at.
+    face_looks: LookHistory,
+    /// From where beams have swept.
+    sweeps: Sweeps,
     /// How thoroughly it looks now.
     rigour: Rigour,
+    /// The frontiers that were sought in vain before a face was looked at, ascending.
+    sought_in_vain: Vec<Cell>,
     /// What may bar the way, and was looked at from near.
     doubts: Doubts,
     #[serde(skip)]
@@ -117,9 +130,10 @@ impl Behaviour for Seek {
                 self.stage = Stage::Choosing;
                 MissionStep::LookAround
             }
-            (MissionInput::Ready, Stage::Choosing | Stage::Going(_) | Stage::Doubting(_)) => {
-                self.choose(around)
-            }
+            (
+                MissionInput::Ready,
+                Stage::Choosing | Stage::Going(_) | Stage::Facing(_) | Stage::Doubting(_),
+            ) => self.choose(around),
             (MissionInput::UnderWay, Stage::Going(cell))
                 if !self.is_frontier(around.terrain, cell) =>
             {
@@ -127,9 +141,14 @@ impl Behaviour for Seek {
             }
             (
                 MissionInput::UnderWay | MissionInput::Autopilot(_),
-                Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
+                Stage::Fresh
+                | Stage::Choosing
+                | Stage::Going(_)
+                | Stage::Facing(_)
+                | Stage::Doubting(_),
             ) => MissionStep::GoOn,
             (MissionInput::Arrived, Stage::Going(cell)) => MissionStep::LookAt(cell),
+            (MissionInput::Arrived, Stage::Facing(cell)) => MissionStep::LookAtFace(cell),
             (MissionInput::Arrived, Stage::Doubting(cell)) => {
                 self.doubts
                     .note(self.settings.lattice, cell, around.pose.at);
@@ -140,16 +159,28 @@ impl Behaviour for Seek {
                 self.looks.note(&[cell], around.pose.at);
                 MissionStep::TryAgain
             }
+            (MissionInput::Blocked(_), Stage::Facing(cell)) => {
+                self.face_looks.note(&[cell], around.pose.at);
+                MissionStep::TryAgain
+            }
             (MissionInput::Blocked(_), Stage::Doubting(cell)) => {
                 self.doubts
                     .note(self.settings.lattice, cell, around.pose.at);
                 MissionStep::TryAgain
             }
             (MissionInput::Blocked(_), Stage::Fresh | Stage::Choosing) => MissionStep::TryAgain,
+            (MissionInput::Looked { from, toward, .. }, Stage::Facing(cell)) => {
+                self.face_looks.note(&[cell], from);
+                self.sweeps
+                    .look(self.settings.vehicle, around.now, from, toward);
+                MissionStep::Think
+            }
             (
                 MissionInput::Looked { from, toward, at },
                 Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
             ) => {
+                self.sweeps
+                    .look(self.settings.vehicle, around.now, from, toward);
                 if at.is_some() {
                     self.note_look(around.terrain, from, toward, at);
                 }
@@ -161,7 +192,9 @@ impl Behaviour for Seek {
     fn goal(&self) -> Option<Point> {
         match self.stage {
             Stage::Fresh | Stage::Choosing => None,
-            Stage::Going(cell) | Stage::Doubting(cell) => Some(self.settings.lattice.centre(cell)),
+            Stage::Going(cell) | Stage::Facing(cell) | Stage::Doubting(cell) => {
+                Some(self.settings.lattice.centre(cell))
+            }
         }
     }
 
@@ -173,11 +206,12 @@ impl Behaviour for Seek {
         self.frontiers.tile_changed(address);
     }
 
-    /// Notes what peers look at, so that it is not looked at by all of them in vain.
-    fn watch_peers(&mut self, around: &MissionContext<'_>) {
+    /// Notes what it sees on its way, and what peers look at, so that it is not looked at by all of them in vain.
+    fn watch(&mut self, around: &MissionContext<'_>) {
         if self.prefers != Preference::FarFromPeers {
             return;
         }
+        self.note_sweeps(around);
         let dwell = look_around::dwell(&self.settings.look);
         for (id, peer) in around.peers.iter() {
             if !peer.resting || around.now.since(peer.moved_at) < dwell {
@@ -208,10 +242,24 @@ impl Seek {
             prefers,
             stage: Stage::Fresh,
             looks: LookHistory::new(settings.lattice),
+            face_looks: LookHistory::new(settings.lattice),
+            sweeps: Sweeps::default(),
             rigour: Rigour::Quick,
+            sought_in_vain: Vec::new(),
             doubts: Doubts::default(),
             frontiers: KnownFrontiers::default(),
             peer_looks: PeerLooks::default(),
+        }
+    }
+
+    /// Notes that the beams of all vehicles sweep from where these are; peers are taken to have a sensor like its own.
+    fn note_sweeps(&mut self, around: &MissionContext<'_>) {
+        let (settings, now) = (&self.settings, around.now);
+        let (own, pose) = (settings.vehicle, around.pose);
+        let mut note = |id, at, heading| self.sweeps.note((id, &settings.look), now, at, heading);
+        note(own, pose.at, pose.heading);
+        for (id, peer) in around.peers.iter() {
+            note(id, peer.at, peer.heading);
         }
     }
 
@@ -225,20 +273,39 @@ impl Seek {
         let reach = self.reach(search.keep_m());
         let mut ways = LookSearch::new(&search, &occupancy, &claims, reach);
         let mut in_vain = Vec::new();
+        // From face to face what is unknown is not sought again everywhere, unless there is something new.
+        let frontiers: Vec<Cell> = self.frontiers.cells(0).collect();
+        let is_old = |cell: &Cell| self.sought_in_vain.binary_search(cell).is_ok();
+        if self.rigour == Rigour::Faces && frontiers.iter().all(is_old) {
+            let faces = self.rated(around, &occupancy);
+            if let Ok(found) = ways.best(&self.face_looks, Rigour::Faces, &faces) {
+                return self.go_and_look(around, found);
+            }
+        }
         for rigour in self.prefers.rigours().iter().copied() {
             self.rigour = rigour;
             let candidates = self.rated(around, &occupancy);
-            match ways.best(&self.looks, rigour, &candidates) {
-                Ok(found) => return self.go_and_look(around, found),
+            match ways.best(self.looks_of(rigour), rigour, &candidates) {
+                Ok(found) => {
+                    self.sought_in_vain = match rigour {
+                        Rigour::Quick | Rigour::Thorough => Vec::new(),
+                        Rigour::Faces => sorted(frontiers),
+                    };
+                    return self.go_and_look(around, found);
+                }
                 Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
                 Err(NoLook::InVain) => in_vain.push((rigour, candidates)),
             }
         }
+        // For faces alone nobody waits.
+        in_vain.retain(|(rigour, _)| *rigour != Rigour::Faces);
         // Peers bar what would be seen without them, on the same ways.
         if around.peers.iter().next().is_some() {
             let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
             let mut vain = in_vain.iter();
-            if vain.any(|(rigour, sought)| alone.best(&self.looks, *rigour, sought).is_ok()) {
+            if vain
+                .any(|(rigour, sought)| alone.best(self.looks_of(*rigour), *rigour, sought).is_ok())
+            {
                 return MissionStep::YieldToPeers;
             }
         }
@@ -250,7 +317,7 @@ impl Seek {
                     None => search.is_cut_off_from(all, &claims),
                 };
                 let is_seen = |(rigour, sought): &(Rigour, Vec<_>)| {
-                    ways.is_any_seen(&self.looks, *rigour, sought, all)
+                    ways.is_any_seen(self.looks_of(*rigour), *rigour, sought, all)
                 };
                 is_cut_off || in_vain.iter().any(is_seen)
             };
@@ -299,16 +366,26 @@ impl Seek {
             is_narrow,
         } = found;
         let (from, lattice) = (around.pose.at, grid.lattice());
+        let stage = match self.rigour {
+            Rigour::Quick | Rigour::Thorough => Stage::Going(look.at),
+            Rigour::Faces => Stage::Facing(look.at),
+        };
         if look.from == lattice.cell_at(from) {
-            self.stage = Stage::Going(look.at);
-            return MissionStep::LookAt(look.at);
+            self.stage = stage;
+            return match self.rigour {
+                Rigour::Quick | Rigour::Thorough => MissionStep::LookAt(look.at),
+                Rigour::Faces => MissionStep::LookAtFace(look.at),
+            };
         }
         let to = lattice.centre(look.from);
         let Some(route) = ways.route_to(&grid, from, to) else {
-            self.looks.note(&[look.at], to);
+            match self.rigour {
+                Rigour::Quick | Rigour::Thorough => self.looks.note(&[look.at], to),
+                Rigour::Faces => self.face_looks.note(&[look.at], to),
+            }
             return MissionStep::Think;
         };
-        self.stage = Stage::Going(look.at);
+        self.stage = stage;
         MissionStep::GoAlong(DriveRoute {
             corners: route.points[1..].to_vec(),
             room: RouteRoom::searched(is_narrow),
@@ -337,8 +414,31 @@ impl Seek {
                 cell,
                 at: lattice.centre(cell),
                 penalty_m: 0.0,
+                normal: None,
             })
             .collect()
+    }
+
+    /// Returns the faces that are worth another look.
+    fn faces(&self, occupancy: &OccupancyGrid) -> Vec<FrontierCandidate> {
+        let settings = &self.settings;
+        let mut faces = self.sweeps.unmet(
+            &settings.look,
+            &settings.fence,
+            occupancy,
+            settings.lattice,
+            settings.look.sure_range_m,
+        );
+        faces.retain(|one| !self.face_looks.is_spent(one.cell, Rigour::Faces));
+        faces
+    }
+
+    /// Returns from where what such looks look at was looked at.
+    fn looks_of(&self, rigour: Rigour) -> &LookHistory {
+        match rigour {
+            Rigour::Quick | Rigour::Thorough => &self.looks,
+            Rigour::Faces => &self.face_looks,
+        }
     }
 
     /// Returns whether a cell is still a frontier.
@@ -366,7 +466,10 @@ impl Seek {
         occupancy: &OccupancyGrid,
     ) -> Vec<FrontierCandidate> {
         let near_cells = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
-        let mut candidates = self.candidates();
+        let mut candidates = match self.rigour {
+            Rigour::Quick | Rigour::Thorough => self.candidates(),
+            Rigour::Faces => self.faces(occupancy),
+        };
         if self.rigour == Rigour::Thorough {
             candidates.retain(|one| hides_something(occupancy, one.cell));
         }
@@ -414,6 +517,11 @@ impl Seek {
         let cells: Vec<Cell> = covered.chain(at).collect();
         self.looks.note(&cells, from);
     }
+}
+
+fn sorted(mut cells: Vec<Cell>) -> Vec<Cell> {
+    cells.sort_unstable();
+    cells
 }
 
 /// What a peer is about to do, as far as that is known.

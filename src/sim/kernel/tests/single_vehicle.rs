@@ -67,6 +67,7 @@ fn settings() -> VehicleSettings {
         listens_for: Duration::ZERO,
         fence: Rect::new(Point::new(-4.0, -6.0), Point::new(14.0, 6.0)).polygon(),
         fence_room_m: 4.0,
+        expected_sd_m: 0.02,
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,

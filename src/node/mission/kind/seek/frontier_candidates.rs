@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::Range;
 
-use crate::geom::{Cell, Lattice, Point, Segment};
+use crate::geom::{Cell, Lattice, Point, Segment, Vector};
 use crate::map::{CellRect, Occupancy, OccupancyGrid};
 use crate::node::mission::terrain::ReachedGround;
 use crate::plan::{Component, Distances, SearchGrid};
@@ -31,6 +31,8 @@ pub(super) struct FrontierCandidate {
     pub at: Point,
     /// It is chosen although it is so much farther away than another one, metres; less than nothing = as if nearer.
     pub penalty_m: f64,
+    /// Which way the face looks that it lies before, a unit vector; `None` when it is none.
+    pub normal: Option<Vector>,
 }
 
 /// Where to look from, and at what.
@@ -115,6 +117,7 @@ impl Ground<'_> {
                     // What is cheap to ask comes first: the ray through the map is asked last, and seldom.
                     let is_better = away_m <= reach.far_m
                         && score_m < best_m
+                        && one.is_in_front(from)
                         && self.rigour.is_new(sought.looked_from, from);
                     if is_better && self.is_seen(sought, from) {
                         (best, best_m) = (
@@ -160,6 +163,7 @@ impl Ground<'_> {
             };
             squares.near(from, reach.far_m).any(|sought| {
                 sought.one.at.distance_to(from) <= reach.far_m
+                    && sought.one.is_in_front(from)
                     && self.rigour.is_new(sought.looked_from, from)
                     && self.is_seen(sought, from)
             })

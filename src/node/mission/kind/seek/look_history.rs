@@ -15,6 +15,8 @@ pub(super) enum Rigour {
     Quick,
     /// Every frontier with ground behind it on which nothing is known to stand, from more places.
     Thorough,
+    /// Faces of what stands that were never looked at from in front.
+    Faces,
 }
 
 impl Rigour {
@@ -23,6 +25,7 @@ impl Rigour {
         match self {
             Rigour::Quick => 4,
             Rigour::Thorough => 6,
+            Rigour::Faces => 2,
         }
     }
 
@@ -30,7 +33,7 @@ impl Rigour {
     fn apart_m(self) -> f64 {
         match self {
             Rigour::Quick => 0.8,
-            Rigour::Thorough => 0.5,
+            Rigour::Thorough | Rigour::Faces => 0.5,
         }
     }
 
@@ -38,7 +41,7 @@ impl Rigour {
     pub(super) fn frontier_m(self) -> f64 {
         match self {
             Rigour::Quick => 0.6,
-            Rigour::Thorough => 0.0,
+            Rigour::Thorough | Rigour::Faces => 0.0,
         }
     }
 

@@ -55,7 +55,7 @@ impl World {
             terrain: &self.terrain,
             peers: &self.peers,
         };
-        self.seek.watch_peers(&around);
+        self.seek.watch(&around);
         self.seek.next(seen, &around)
     }
 
@@ -81,7 +81,7 @@ impl World {
                     self.at = *course.corners.last().unwrap();
                     self.tell(MissionInput::Arrived)
                 }
-                MissionStep::LookAt(cell) => {
+                MissionStep::LookAt(cell) | MissionStep::LookAtFace(cell) => {
                     looks += 1;
                     let toward = self.at.angle_to(self.terrain.map().lattice().centre(cell));
                     self.tell(MissionInput::Looked {
@@ -313,6 +313,7 @@ fn the_drawing_shows_the_stages_and_no_others() {
         Stage::Fresh => "Fresh",
         Stage::Choosing => "Choosing",
         Stage::Going(_) => "Going",
+        Stage::Facing(_) => "Facing",
         Stage::Doubting(_) => "Doubting",
     };
     let cell = Cell::new(0, 0);
@@ -320,6 +321,7 @@ fn the_drawing_shows_the_stages_and_no_others() {
         Stage::Fresh,
         Stage::Choosing,
         Stage::Going(cell),
+        Stage::Facing(cell),
         Stage::Doubting(cell),
     ];
     let shown = drawn(include_str!("../seek.rs"));
