@@ -4,6 +4,8 @@
 //! Kept is from where the beams of this vehicle and its peers have swept. Which faces were met from in front is asked only when
 //! nothing unknown is left to be looked at.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
@@ -29,7 +31,6 @@ const SIDES: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 /// A place from which all beams were looked along.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Sweep {
-    of: VehicleId,
     from: Point,
     heading: Angle,
     /// When it ended.
@@ -41,6 +42,8 @@ struct Sweep {
 pub(super) struct Sweeps {
     /// In the order in which they ended.
     all: Vec<Sweep>,
+    /// The place of the last one of each vehicle.
+    last: BTreeMap<VehicleId, usize>,
 }
 
 impl Sweeps {
@@ -53,7 +56,7 @@ impl Sweeps {
         from: Point,
         heading: Angle,
     ) {
-        let last = self.all.iter().rev().find(|sweep| sweep.of == of);
+        let last = self.last.get(&of).map(|place| &self.all[*place]);
         let is_same = last.is_some_and(|last| {
             let turned_rad = (last.heading - heading).radians().abs();
             now.since(last.at) < look.cycle()
@@ -66,12 +69,8 @@ impl Sweeps {
 
     /// Notes a look, for which all beams are looked along.
     pub(super) fn look(&mut self, of: VehicleId, at: Time, from: Point, heading: Angle) {
-        self.all.push(Sweep {
-            of,
-            from,
-            heading,
-            at,
-        });
+        self.last.insert(of, self.all.len());
+        self.all.push(Sweep { from, heading, at });
     }
 
     /// Returns the faces, with free ground before them inside the fence, that were not looked at from in front from within
