@@ -130,8 +130,7 @@ impl Mission {
         self.state = Some(state);
         self.watch_restraint(now, could_move);
         self.watch_place(now, pose.sd_m, sees, out);
-        let seems_home = is_at_home(pose, self.settings.home);
-        self.place.note_rest(rests, seems_home);
+        self.place.note_rest(rests, self.seems_home());
         if self.place.is_known() && self.plan.begin_at(pose.at) {
             self.pilot.give_up(pose.at);
         }
@@ -284,12 +283,12 @@ impl Mission {
             return;
         }
         self.drive(now, out);
-        if self.pilot.way().is_empty() {
+        let is_there = self.pilot.way().is_empty();
+        if is_there && self.seems_home() {
             self.goal = Goal::Home(home.by);
             out.push(Out::MissionEvent(MissionEvent::Home));
-            return;
-        }
-        if self.pilot.is_refused() {
+        } else if is_there || self.pilot.is_refused() {
+            // What it has driven beside its home may lie on the far side of that.
             self.step_back(now, |returning| returning.after_refused_paths());
         }
     }

@@ -17,8 +17,11 @@ const PART_CELLS: f64 = 0.2;
 const SAG_CELLS: f64 = 0.05;
 /// Between the body and what nobody has seen stays at least this, metres.
 const UNSEEN_M: f64 = 0.05;
-/// What an optimist keeps less: what was heard may stand that much farther from the way than it is drawn.
+/// What an optimist keeps less: what was heard may stand that much farther from the way than it is drawn,
 const OPTIMISM_CELLS: f64 = 0.35;
+/// or by so many deviations of the place: of many echoes those are drawn nearest to the way that were heard with the largest
+/// errors.
+const OPTIMISM_DEVIATIONS: f64 = 3.0;
 /// Half of the side of a part, cells.
 const HALF_PART_CELLS: f64 = 0.125;
 /// A released way may come so much nearer than a planned one, cells: straight steps between places that keep their distance.
@@ -70,10 +73,12 @@ impl RequiredClearance {
     }
 
     /// Returns what an optimist keeps, who asks only whether a way may exist: from what is confirmed, since everything else
-    /// may turn out to be free. A third of a cell less than what a planned way keeps from what was heard, and never less than
-    /// the body. (Half of the body has been where the vehicle has driven, however badly what bars is drawn.)
-    pub fn optimistic(self, body_m: f64, cell_m: f64) -> RequiredClearance {
-        let kept_m = (self.occupied_m - OPTIMISM_CELLS * cell_m).max(body_m);
+    /// may turn out to be free. Less than what a planned way keeps from what was heard, by a third of a cell or by three
+    /// standard deviations of the place, and never less than half of the body. (That has been where the vehicle has driven,
+    /// however badly what bars is drawn.)
+    pub fn optimistic(self, body_m: f64, sd_m: f64, cell_m: f64) -> RequiredClearance {
+        let off_m = (OPTIMISM_CELLS * cell_m).max(OPTIMISM_DEVIATIONS * sd_m);
+        let kept_m = (self.occupied_m - off_m).max(body_m / 2.0);
         RequiredClearance {
             body_m: body_m / 2.0,
             ..RequiredClearance::everywhere(kept_m)
@@ -131,6 +136,18 @@ mod tests {
         let released = wide.released(0.2);
         assert!((released.occupied_m - 0.89).abs() < 1e-9);
         assert!((released.unknown_m - 0.33).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_optimist_keeps_less_the_worse_the_place_is_known_but_not_less_than_half_of_the_body() {
+        let kept_m = |sd_m: f64| {
+            let planned = RequiredClearance::planned(0.25, 0.35, 2.0 * sd_m, 0.2);
+            planned.occupied_m - planned.optimistic(0.25, sd_m, 0.2).occupied_m
+        };
+        assert!((kept_m(0.0) - 0.07).abs() < 1e-9 && (kept_m(0.02) - 0.07).abs() < 1e-9);
+        assert!((kept_m(0.05) - 0.15).abs() < 1e-9);
+        let far_off = RequiredClearance::planned(0.25, 0.35, 0.8, 0.2).optimistic(0.25, 0.4, 0.2);
+        assert!((far_off.occupied_m - 0.125).abs() < 1e-9);
     }
 
     #[test]

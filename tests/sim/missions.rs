@@ -579,6 +579,16 @@ fn who_is_hemmed_in_leaves_no_fence_and_calls_nothing_unreachable_that_is_not() 
 }
 
 #[test]
+fn walls_that_are_drawn_off_to_both_sides_of_a_narrow_lane_prove_nothing() {
+    // With these seeds two and three places were called unreachable.
+    for seed in [2, 6] {
+        let (summary, log) = run_file("pens/turns.sim.toml", seed);
+        assert_eq!(summary["fence_breaches"].as_u64(), Some(0));
+        assert!(!log.contains("has found no way to"), "seed {seed}");
+    }
+}
+
+#[test]
 fn who_knows_its_place_worse_than_expected_keeps_that_from_the_fence_although_its_home_is_nearer() {
     // With these seeds the body left the fence.
     for seed in [1, 2, 3, 8] {

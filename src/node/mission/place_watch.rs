@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::autonomy::Decision;
 use super::goal::Goal;
-use super::{AutonomyCause, EndReason, Mission, MissionEvent, Out};
+use super::{AutonomyCause, EndReason, Mission, MissionEvent, Out, is_at_home};
 use crate::sweep::OUT_OF_SERVICE_AFTER;
 use crate::time::Time;
 
@@ -166,6 +166,12 @@ impl PlaceWatch {
 }
 
 impl Mission {
+    /// Returns whether the vehicle is at its home by the place that it believes to be at.
+    pub(super) fn seems_home(&self) -> bool {
+        let state = self.state.as_ref();
+        state.is_some_and(|state| is_at_home(state.pose, self.settings.home))
+    }
+
     /// Takes how well the place is known, metres, and whether the world is seen; says so when the vehicle stands for its
     /// place, or goes on.
     pub(super) fn watch_place(&mut self, now: Time, sd_m: f64, sees: bool, out: &mut Vec<Out>) {

@@ -11,6 +11,7 @@ use crate::geom::{Cell, Lattice, Point, Pose, Segment};
 use crate::map::{Bar, CellRect, Merged, Occupancy, View};
 use crate::node::VehicleSettings;
 use crate::node::mission::home::HOME_M;
+use crate::node::mission::pilot::ARRIVED_M;
 use crate::node::vehicle::ReflexObstacle;
 use crate::plan::{
     Component, Distances, MAX_GRID_CELLS, NodeSpacing, RequiredClearance, Rules, SearchGrid,
@@ -259,7 +260,7 @@ impl PathSearch<'_> {
     }
 
     /// Returns where a way to a goal ends: there, or where the vehicle has driven beside its home if by now something is
-    /// taken for standing too near to that.
+    /// taken for standing too near to that; but not where it would arrive without having come home.
     fn end_near(&self, grid: &SearchGrid, goal: Point) -> Point {
         if !self.is_home(goal) || grid.has_room_at(goal) {
             return goal;
@@ -271,9 +272,13 @@ impl PathSearch<'_> {
             .map(|node| nodes.centre(node));
         let away_m = |middle: Point| (middle.distance_to(goal), middle);
         let nearest = middles.map(away_m).min_by(|a, b| a.0.total_cmp(&b.0));
+        let is_home = |place: Point| place.distance_to(goal) <= HOME_M;
+        let arrives_elsewhere =
+            |end: Point| !is_home(self.pose.at) && self.pose.at.distance_to(end) <= ARRIVED_M;
         nearest
-            .filter(|(away_m, _)| *away_m <= HOME_M)
-            .map_or(goal, |(_, middle)| middle)
+            .map(|(_, middle)| middle)
+            .filter(|end| is_home(*end) && !arrives_elsewhere(*end))
+            .unwrap_or(goal)
     }
 
     /// Returns the way back over the vehicle's own track alone, whatever the map shows there by now, to the first place
@@ -357,7 +362,8 @@ impl PathSearch<'_> {
     ) -> Option<SearchGrid> {
         let area = self.fenced(goal.unwrap_or(self.pose.at))?;
         let (body_m, cell_m) = (self.settings.body.radius_m, self.settings.lattice.cell_m());
-        let clearance = planned(self.settings, self.pose).optimistic(body_m, cell_m);
+        let planned = planned(self.settings, self.pose);
+        let clearance = planned.optimistic(body_m, self.pose.sd_m, cell_m);
         let view = self.map.view(self.settings.slice, area);
         let nodes = NodeSpacing::HalfCell;
         let bars = |cell: Cell, bar| bar >= Bar::Confirmed && doubted.binary_search(&cell).is_err();

@@ -75,6 +75,25 @@ fn a_home_that_something_is_taken_for_standing_beside_by_now_is_come_to_over_the
 }
 
 #[test]
+fn no_way_home_ends_beside_it_where_the_vehicle_would_arrive_without_having_come_home() {
+    let mut world = World::of(|x_m, y_m| (-0.4..0.0).contains(&x_m) && (0.2..0.6).contains(&y_m));
+    world.driven = (0..=15)
+        .map(|step| Point::new(0.2 * f64::from(step), 0.0))
+        .collect();
+    let mut ends = |from_m: f64| {
+        world.from = Point::new(from_m, 0.0);
+        world
+            .search()
+            .driven_path(HOME, &[])
+            .map(|path| path[path.len() - 1])
+    };
+    let beside = ends(3.0).unwrap();
+    assert!(beside.distance_to(HOME) > 0.1);
+    assert_eq!(ends(beside.x_m + ARRIVED_M - 0.01), None);
+    assert!(ends(beside.x_m + ARRIVED_M + 0.05).is_some());
+}
+
+#[test]
 fn only_unknown_ground_leads_around_a_wall_and_the_way_home_may_be_the_long_way_round() {
     let world = World::of(is_wall);
     assert_eq!(world.search().path(HOME, false, &[]), None);
