@@ -106,3 +106,30 @@ fn a_simulation_needs_only_a_venue_and_a_scene() {
         courtyard(None)
     );
 }
+
+#[test]
+fn every_experiment_of_this_folder_can_be_run() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let mut loader =
+        |path: &str| std::fs::read_to_string(path).map_err(|error| format!("{path}: {error}"));
+    let mut count = 0;
+    for folder in ["configs", "tests/doors", "tests/pens", "tests/slabs"] {
+        for entry in std::fs::read_dir(format!("{root}/{folder}")).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.to_str().unwrap().to_owned();
+            if !name.contains("/experiment") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
+            let Config::Experiment(grid) = config::read(&name, &text, &mut loader).unwrap() else {
+                panic!("{name} is no experiment")
+            };
+            for cell in 0..grid.cells() {
+                let sim = grid.sim(cell, &mut loader);
+                assert!(sim.is_ok(), "{name}: {}", sim.unwrap_err());
+            }
+            count += 1;
+        }
+    }
+    assert!(count >= 8, "{count}");
+}
