@@ -141,6 +141,10 @@ fn kind_of(path: &Path) -> Result<Kind, CliError> {
         "toml" => Ok(Kind::Config),
         "wrl" => Ok(Kind::Shapes),
         "csv" | "json" => Ok(Kind::Recording),
+        _ if !path.exists() => Err(CliError::Read {
+            path: path.to_owned(),
+            source: std::io::ErrorKind::NotFound.into(),
+        }),
         _ => Err(CliError::Input {
             path: path.to_owned(),
             reason: "nothing is known about this ending; .toml, .wrl, .csv and .json are checked"
@@ -286,14 +290,18 @@ fn understand_recording(path: &Path) -> Result<String, CliError> {
         true => "samples",
         false => "links",
     };
-    let packets: u64 = recording
+    let heard: u64 = recording
         .links
         .iter()
         .map(|link| u64::from(link.packets))
         .sum();
+    let of = match recording.is_of_samples {
+        true => format!("{heard} of them heard"),
+        false => format!("of {heard} packets"),
+    };
     let area = bounds(recording.links.iter());
     Ok(format!(
-        "{}: a recording\n  {what:<12} {}, of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
+        "{}: a recording\n  {what:<12} {}, {of}\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
         path.display(),
         recording.links.len(),
         area.min.x_m,

@@ -41,7 +41,7 @@ pub struct ExperimentArgs {
     /// An experiment file; see configs/experiment-thesis.toml
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
-    /// Folder for the journal and the tables [default: out/NAME]
+    /// Folder for the journal and the tables [default: out/NAME; with --only, which writes a run as `sim` does, out/NAME-run-N]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
     /// Runs at the same time [default: one per core]

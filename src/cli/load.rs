@@ -134,7 +134,7 @@ fn load_as(
 }
 
 /// Returns what is wrong with a plain name that is neither a file's nor a bundled simulation's.
-fn no_such_name(path: &Path) -> Option<CliError> {
+pub(super) fn no_such_name(path: &Path) -> Option<CliError> {
     let is_name = |name: &&str| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
     let name = path.to_str().filter(is_name).filter(|_| !path.exists())?;
     let meant = config::nearest(name, bundled::NAMES)

@@ -10,7 +10,6 @@ use super::imaging_comments::comments;
 use super::read;
 #[cfg(feature = "net")]
 use super::samples_csv::sample_line;
-#[cfg(feature = "net")]
 use super::standard_output::complain;
 #[cfg(feature = "net")]
 use super::stored_run;
@@ -102,7 +101,29 @@ pub(super) fn text(path: &Path) -> Result<String, CliError> {
             reason: run_is_to_be_named(path)?,
         });
     }
-    read::text(path)
+    #[cfg(not(feature = "net"))]
+    if let Some(store) = run_of_database(path) {
+        return Err(CliError::Input {
+            reason: run_is_to_be_named(&store)?,
+            path: store,
+        });
+    }
+    let text = read::text(path)?;
+    if is_cut_off(path, &text) {
+        complain(&format!(
+            "warning: {}: its last line has no end: the file may be cut off, and that line not be what was written",
+            path.display()
+        ));
+    }
+    Ok(text)
+}
+
+/// Returns whether a table ends within a line.
+fn is_cut_off(path: &Path, text: &str) -> bool {
+    let is_table = path
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    is_table && !text.is_empty() && !text.ends_with(['\n', '\r'])
 }
 
 /// Returns whether a file begins as one of SQLite does.
@@ -137,6 +158,15 @@ fn run_is_to_be_named(path: &Path) -> Result<String, CliError> {
 #[cfg(not(feature = "net"))]
 fn run_is_to_be_named(_: &Path) -> Result<String, CliError> {
     Ok("is a database; runs of a store are read by the build that has stores".to_owned())
+}
+
+/// Returns the database that a name such as `swarm.db:3` means, when no file has this name.
+#[cfg(not(feature = "net"))]
+fn run_of_database(path: &Path) -> Option<PathBuf> {
+    let (store, run) = path.to_str()?.rsplit_once(':')?;
+    run.parse::<u32>().ok()?;
+    let store = PathBuf::from(store);
+    (!path.exists() && is_database(&store)).then_some(store)
 }
 
 /// Returns store and run of a name such as `swarm.db:3`, when no file has this name.

@@ -55,9 +55,9 @@ pub struct SceneArgs {
     /// Height of the floor plan's cut, metres [default: that of the simulation's range sensor, or 0.3]
     #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = parse_height)]
     pub height: Option<f64>,
-    /// Which axis of a .wrl points up, y or z; a scene file says so itself
-    #[arg(long, value_name = "AXIS", default_value = "z", value_parser = parse_up)]
-    pub up: config::Up,
+    /// Which axis of a .wrl that is shown alone points up, y or z [default: z]; a scene file says so itself
+    #[arg(long, value_name = "AXIS", value_parser = parse_up)]
+    pub up: Option<config::Up>,
     /// Seed that places the random persons of a simulation, in place of the file's
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     pub seed: Option<u64>,
@@ -127,12 +127,18 @@ impl SceneArgs {
             .and_then(|ending| ending.to_str())
             .unwrap_or_default();
         if ending.eq_ignore_ascii_case("wrl") {
-            return self.shapes_alone();
+            return self.shapes_alone(self.up.unwrap_or(config::Up::Z));
+        }
+        if self.up.is_some() {
+            let wrong =
+                "--up is for shapes that are shown alone (.wrl); a scene file says `up` itself";
+            return Err(CliError::Usage(wrong.to_owned()));
         }
         if load::bundled_one(Some(&self.file)).is_some() {
             return self.simulated();
         }
-        let text = read::text(&self.file)?;
+        let text = read::text(&self.file)
+            .map_err(|error| load::no_such_name(&self.file).unwrap_or(error))?;
         let loader = &mut read::around(&self.file);
         let refused = |reason: &str| CliError::Input {
             path: self.file.clone(),
@@ -173,27 +179,18 @@ impl SceneArgs {
         )
     }
 
-    fn shapes_alone(&self) -> Result<LoadedScene, CliError> {
+    fn shapes_alone(&self, up: config::Up) -> Result<LoadedScene, CliError> {
         // Through the common way of reading first, so that a missing file is named as everywhere.
         read::text(&self.file)?;
-        let shapes = load::read_shapes(
-            &read::shown(&self.file),
-            self.up,
-            &mut read::around(&self.file),
-        )?;
+        let shapes =
+            load::read_shapes(&read::shown(&self.file), up, &mut read::around(&self.file))?;
         let stem = self
             .file
             .file_stem()
             .unwrap_or_default()
             .to_string_lossy()
             .into_owned();
-        self.put_together(
-            stem,
-            SceneFile::of_shapes(self.up),
-            shapes,
-            Vec::new(),
-            None,
-        )
+        self.put_together(stem, SceneFile::of_shapes(up), shapes, Vec::new(), None)
     }
 
     fn put_together(
@@ -285,7 +282,7 @@ mod tests {
             size: (64, 40),
             field: 60.0,
             height: None,
-            up: config::Up::Z,
+            up: None,
             seed: None,
         }
     }

@@ -34,7 +34,7 @@ use crate::sim::{RunError, RunOutcome, RunProgress, RunView, Scenario};
 #[derive(clap::Args, Debug)]
 #[command(after_help = after_help())]
 pub struct SimArgs {
-    /// A simulation file (kind = "sim"), see configs/courtyard.sim.toml; or a bundled one by name: castle, trees, house
+    /// A simulation file (kind = "sim"), see configs/courtyard.sim.toml; or a bundled one by name: courtyard, castle, trees, house
     #[arg(value_name = "CONFIG")]
     pub config: Option<PathBuf>,
     /// Seed of everything that is random [default: the file's, or 1]

@@ -288,11 +288,11 @@ pub(super) struct Known<D> {
     pub(super) driver: D,
 }
 
+/// What is wrong with a driver that another build has.
+pub(super) const NOT_BUILT: &str = "is not built into this program, only into the whole one";
+
 /// A choice of drivers for a kind of device.
 pub(super) trait DriverChoice: Sized {
-    /// Names of drivers that later versions will have.
-    const PLANNED: &'static [&'static str];
-
     /// Returns all drivers that this version knows.
     fn all() -> Vec<Known<Self>>;
 
@@ -310,8 +310,6 @@ pub(super) fn always<D>(name: &'static str, driver: D) -> Known<D> {
 }
 
 impl DriverChoice for AutopilotDriver {
-    const PLANNED: &'static [&'static str] = &[];
-
     fn all() -> Vec<Known<AutopilotDriver>> {
         let mavlink = Known {
             name: "mavlink",
@@ -330,8 +328,6 @@ impl DriverChoice for AutopilotDriver {
 }
 
 impl DriverChoice for RadioDriver {
-    const PLANNED: &'static [&'static str] = &[];
-
     fn all() -> Vec<Known<RadioDriver>> {
         let xbee = Known {
             name: "xbee",
@@ -383,10 +379,9 @@ impl<D: DriverChoice> Form for DriverKey<'_, D> {
             return;
         };
         let known = all.into_iter().find(|known| known.name == name);
-        let is_planned = known.is_some() || D::PLANNED.contains(&name.as_str());
-        match known.filter(|known| known.is_built) {
-            Some(known) => *self.0 = known.driver,
-            None if is_planned => section.refuse(key, "is not built in", &allowed),
+        match known {
+            Some(known) if known.is_built => *self.0 = known.driver,
+            Some(_) => section.refuse(key, NOT_BUILT, &allowed),
             None => section.refuse(key, "is not known", &allowed),
         }
     }

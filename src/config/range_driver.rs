@@ -259,8 +259,6 @@ impl SerialProtocol {
 }
 
 impl DriverChoice for RangeDriver {
-    const PLANNED: &'static [&'static str] = &[];
-
     fn all() -> Vec<Known<RangeDriver>> {
         let serial = |protocol: SerialProtocol| Known {
             name: protocol.name(),

@@ -1,7 +1,7 @@
 //! The table `[range]` of a vehicle: the driver of its range sensors, where they look, and the driver of a single one where the
 //! kinds are mixed, the key `driver` of a `[[range.sensor]]` with the table of its name in it. Opens nothing.
 
-use super::drivers::{DriverChoice, DriverKey, Known};
+use super::drivers::{DriverChoice, DriverKey, Known, NOT_BUILT};
 use super::keys::{Form, KeyEntry, Keyed, Keys, quoted};
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
@@ -66,7 +66,7 @@ impl Form for OwnDriver<'_> {
         };
         let known = choices().find(|known| known.name == name);
         let wrong = match &known {
-            Some(known) if !known.is_built => "is not built in",
+            Some(known) if !known.is_built => NOT_BUILT,
             Some(_) => {
                 *self.0 = known.map(|known| known.driver);
                 return;

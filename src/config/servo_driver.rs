@@ -98,8 +98,6 @@ impl ServoOutput {
 }
 
 impl DriverChoice for ServoDriver {
-    const PLANNED: &'static [&'static str] = &[];
-
     fn all() -> Vec<Known<ServoDriver>> {
         let real = |output: ServoOutput, is_built| Known {
             name: output.name(),

@@ -121,9 +121,9 @@ pub struct RadioSettings {
 }
 
 /// A place whose deviation is this many times the expected one is worse known.
-const WORSE: f64 = 1.2;
+const WORSE_THAN_EXPECTED: f64 = 1.2;
 /// A deviation that is larger by less than this is none worse, metres.
-const WORSE_M: f64 = 0.02;
+const WORSE_THAN_EXPECTED_M: f64 = 0.02;
 /// Who stands too near to the fence has left it after so much of a route, metres, if that is enough.
 const LEAVES_FENCE_M: f64 = 1.0;
 /// A way away from the fence is so much longer than what it gains, metres.
@@ -184,7 +184,7 @@ impl VehicleSettings {
 
     /// Returns whether the place of a pose is worse known than the vehicle's file expects.
     pub fn is_worse_known(&self, pose: Pose) -> bool {
-        pose.sd_m > WORSE * self.expected_sd_m + WORSE_M
+        pose.sd_m > WORSE_THAN_EXPECTED * self.expected_sd_m + WORSE_THAN_EXPECTED_M
     }
 
     /// Returns after how much of its route a vehicle has left the fence that stands `here_m` from it, too near, metres.

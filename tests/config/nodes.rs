@@ -493,7 +493,7 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
             format!("{section}.driver = \"{driver}\""),
         );
         let output = format!(
-            "{section}.driver = \"{driver}\": is not built in; driver = {built} is allowed"
+            "{section}.driver = \"{driver}\": is not built into this program, only into the whole one; driver = {built} is allowed"
         );
         let is_built = match section {
             "autopilot" => has_mavlink,

@@ -28,9 +28,9 @@ const SEES_AGAIN_AFTER: Duration = Duration::from_secs(30);
 /// How well the place was known counts for this long.
 const LATELY: Duration = Duration::from_secs(600);
 /// A place whose deviation is this many times what it was lately is worse known.
-const WORSE: f64 = 1.5;
+const WORSE_THAN_LATELY: f64 = 1.5;
 /// A deviation that is larger by less than this is none worse, metres.
-const WORSE_M: f64 = 0.02;
+const WORSE_THAN_LATELY_M: f64 = 0.02;
 
 /// How well the place is known.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -92,7 +92,8 @@ impl PlaceWatch {
         if is_known && self.least.is_none_or(is_least) {
             self.least = Some((now, sd_m));
         }
-        let is_as_good = |(_, least_m): (Time, f64)| sd_m <= WORSE * least_m + WORSE_M;
+        let is_as_good =
+            |(_, least_m): (Time, f64)| sd_m <= WORSE_THAN_LATELY * least_m + WORSE_THAN_LATELY_M;
         self.quality = match is_known {
             false => PlaceQuality::Unknown,
             true if self.least.is_none_or(is_as_good) => PlaceQuality::Good,

@@ -169,20 +169,16 @@ impl Behaviour for Seek {
                 MissionStep::TryAgain
             }
             (MissionInput::Blocked(_), Stage::Fresh | Stage::Choosing) => MissionStep::TryAgain,
-            (MissionInput::Looked { from, toward, .. }, Stage::Facing(cell)) => {
-                self.face_looks.note(&[cell], from);
+            (MissionInput::Looked { from, toward, at }, stage) => {
                 self.sweeps
                     .look(self.settings.vehicle, around.now, from, toward);
-                MissionStep::Think
-            }
-            (
-                MissionInput::Looked { from, toward, at },
-                Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
-            ) => {
-                self.sweeps
-                    .look(self.settings.vehicle, around.now, from, toward);
-                if at.is_some() {
-                    self.note_look(around.terrain, from, toward, at);
+                match stage {
+                    Stage::Facing(cell) => self.face_looks.note(&[cell], from),
+                    Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_) => {
+                        if at.is_some() {
+                            self.note_look(around.terrain, from, toward, at);
+                        }
+                    }
                 }
                 MissionStep::Think
             }
@@ -274,9 +270,8 @@ impl Seek {
         let mut ways = LookSearch::new(&search, &occupancy, &claims, reach);
         let mut in_vain = Vec::new();
         // From face to face what is unknown is not sought again everywhere, unless there is something new.
-        let frontiers: Vec<Cell> = self.frontiers.cells(0).collect();
-        let is_old = |cell: &Cell| self.sought_in_vain.binary_search(cell).is_ok();
-        if self.rigour == Rigour::Faces && frontiers.iter().all(is_old) {
+        let is_old = |cell: Cell| self.sought_in_vain.binary_search(&cell).is_ok();
+        if self.rigour == Rigour::Faces && self.frontiers.cells(0).all(is_old) {
             let faces = self.rated(around, &occupancy);
             if let Ok(found) = ways.best(&self.face_looks, Rigour::Faces, &faces) {
                 return self.go_and_look(around, found);
@@ -289,7 +284,7 @@ impl Seek {
                 Ok(found) => {
                     self.sought_in_vain = match rigour {
                         Rigour::Quick | Rigour::Thorough => Vec::new(),
-                        Rigour::Faces => sorted(frontiers),
+                        Rigour::Faces => sorted(self.frontiers.cells(0).collect()),
                     };
                     return self.go_and_look(around, found);
                 }
@@ -366,23 +361,25 @@ impl Seek {
             is_narrow,
         } = found;
         let (from, lattice) = (around.pose.at, grid.lattice());
-        let stage = match self.rigour {
-            Rigour::Quick | Rigour::Thorough => Stage::Going(look.at),
-            Rigour::Faces => Stage::Facing(look.at),
+        let (stage, step, looks) = match self.rigour {
+            Rigour::Quick | Rigour::Thorough => (
+                Stage::Going(look.at),
+                MissionStep::LookAt(look.at),
+                &mut self.looks,
+            ),
+            Rigour::Faces => (
+                Stage::Facing(look.at),
+                MissionStep::LookAtFace(look.at),
+                &mut self.face_looks,
+            ),
         };
         if look.from == lattice.cell_at(from) {
             self.stage = stage;
-            return match self.rigour {
-                Rigour::Quick | Rigour::Thorough => MissionStep::LookAt(look.at),
-                Rigour::Faces => MissionStep::LookAtFace(look.at),
-            };
+            return step;
         }
         let to = lattice.centre(look.from);
         let Some(route) = ways.route_to(&grid, from, to) else {
-            match self.rigour {
-                Rigour::Quick | Rigour::Thorough => self.looks.note(&[look.at], to),
-                Rigour::Faces => self.face_looks.note(&[look.at], to),
-            }
+            looks.note(&[look.at], to);
             return MissionStep::Think;
         };
         self.stage = stage;
