@@ -201,6 +201,29 @@ mod tests {
 
     use super::*;
 
+    #[test]
+    fn a_table_that_ends_within_a_line_is_cut_off_and_nothing_else_is() {
+        let is_cut_off = |name: &str, text: &str| is_cut_off(Path::new(name), text);
+        assert!(is_cut_off("links.csv", "a,b\n1,-8"));
+        assert!(is_cut_off("LINKS.CSV", "a,b"));
+        for whole in ["", "a,b\n", "a,b\r\n1,2\r\n", "a,b\r1,2\r"] {
+            assert!(!is_cut_off("links.csv", whole), "{whole:?}");
+        }
+        assert!(!is_cut_off("links.json", "{}"), "it is refused by itself");
+    }
+
+    #[cfg(not(feature = "net"))]
+    #[test]
+    fn a_run_of_a_store_is_for_another_build_and_not_missing() {
+        let root = tempfile::tempdir().unwrap();
+        let store = root.path().join("swarm.db");
+        let run = root.path().join("swarm.db:3");
+        let said = |path: &Path| text(path).unwrap_err().to_string();
+        assert!(said(&run).contains("No such file"), "{}", said(&run));
+        std::fs::write(&store, [DATABASE.as_slice(), b"..."].concat()).unwrap();
+        assert!(said(&run).contains("is a database"), "{}", said(&run));
+    }
+
     #[cfg(feature = "net")]
     #[test]
     fn a_store_whose_run_is_imaged_is_not_written_over() {

@@ -339,6 +339,14 @@ mod tests {
             assert!(error.to_string().contains(words), "{error}");
             assert!(!out.exists());
         };
+        let mut turned = args(&bundled("scenes/castle.scene.toml"), &out);
+        turned.up = Some(config::Up::Y);
+        let said = run(&turned).unwrap_err().to_string();
+        assert!(said.contains("a scene file says `up` itself"), "{said}");
+        let said = run(&args(Path::new("castel"), &out))
+            .unwrap_err()
+            .to_string();
+        assert!(said.contains("did you mean castle?"), "{said}");
         let venue = std::fs::read_to_string(bundled("configs/castle.venue.toml")).unwrap();
         check("v.toml", &venue, "is a venue");
         let buried =
