@@ -91,21 +91,16 @@ pub(super) fn files_of(path: &Path) -> Vec<PathBuf> {
 /// # Errors
 /// It cannot be read, or is a whole store.
 pub(super) fn text(path: &Path) -> Result<String, CliError> {
+    let stored = stored(path);
     #[cfg(feature = "net")]
-    if let Some((store, run)) = stored(path) {
-        return samples_of(&store, run);
+    if let Some((store, run)) = &stored {
+        return samples_of(store, *run);
     }
-    if is_database(path) {
+    let named = stored.map_or_else(|| path.to_owned(), |(store, _)| store);
+    if is_database(&named) {
         return Err(CliError::Input {
-            path: path.to_owned(),
-            reason: run_is_to_be_named(path)?,
-        });
-    }
-    #[cfg(not(feature = "net"))]
-    if let Some(store) = run_of_database(path) {
-        return Err(CliError::Input {
-            reason: run_is_to_be_named(&store)?,
-            path: store,
+            reason: run_is_to_be_named(&named)?,
+            path: named,
         });
     }
     let text = read::text(path)?;
@@ -160,17 +155,7 @@ fn run_is_to_be_named(_: &Path) -> Result<String, CliError> {
     Ok("is a database; runs of a store are read by the build that has stores".to_owned())
 }
 
-/// Returns the database that a name such as `swarm.db:3` means, when no file has this name.
-#[cfg(not(feature = "net"))]
-fn run_of_database(path: &Path) -> Option<PathBuf> {
-    let (store, run) = path.to_str()?.rsplit_once(':')?;
-    run.parse::<u32>().ok()?;
-    let store = PathBuf::from(store);
-    (!path.exists() && is_database(&store)).then_some(store)
-}
-
 /// Returns store and run of a name such as `swarm.db:3`, when no file has this name.
-#[cfg(feature = "net")]
 fn stored(path: &Path) -> Option<(PathBuf, u32)> {
     let (store, run) = path.to_str()?.rsplit_once(':')?;
     let run = run.parse().ok()?;

@@ -108,7 +108,7 @@ fn a_simulation_needs_only_a_venue_and_a_scene() {
 }
 
 #[test]
-fn every_experiment_of_this_folder_can_be_run() {
+fn every_bundled_experiment_can_be_run() {
     let root = env!("CARGO_MANIFEST_DIR");
     let mut loader =
         |path: &str| std::fs::read_to_string(path).map_err(|error| format!("{path}: {error}"));

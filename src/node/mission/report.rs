@@ -5,7 +5,7 @@ use tomoswarm_proto::{MissionEnd, MissionPhase, Permille, Position, Progress, St
 
 use super::goal::Goal;
 use super::runner::StepRunner;
-use super::{AutonomyCause, EndReason, Mission, MissionStatus, is_at_home};
+use super::{AutonomyCause, EndReason, Mission, MissionStatus};
 
 impl Mission {
     /// Returns how far the vehicle is with its mission.
@@ -18,9 +18,7 @@ impl Mission {
         };
         // Who came home rests there, whatever becomes of its place; who does not know its place comes nowhere.
         let is_placed = self.place.is_known() || matches!(self.goal, Goal::Home(_));
-        let is_home = |state: &super::OwnState| {
-            state.is_at_rest && is_placed && is_at_home(state.pose, self.settings.home)
-        };
+        let rests = self.state.as_ref().is_some_and(|state| state.is_at_rest);
         tomoswarm_proto::MissionProgress {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
@@ -32,7 +30,7 @@ impl Mission {
             goal: self.goal_place(),
             slice: self.settings.slice,
             end: self.end(),
-            is_at_home: self.state.as_ref().is_some_and(is_home),
+            is_at_home: rests && is_placed && self.seems_home(),
             lease_number: self.leases.greatest().number,
         }
     }
