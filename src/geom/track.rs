@@ -14,6 +14,13 @@ impl Track {
         (!points.is_empty()).then_some(Track { points })
     }
 
+    /// Makes the straight track between two places.
+    pub fn straight(from: Point, to: Point) -> Track {
+        Track {
+            points: vec![from, to],
+        }
+    }
+
     /// Returns the straight pieces, in order; none for a single point.
     pub fn segments(&self) -> impl Iterator<Item = Segment> + '_ {
         self.points

@@ -2,16 +2,17 @@
 
 use tomoswarm_proto::{TILE_CELLS, TILE_SIDE};
 
-use super::tile::{CONFIRMED_FROM, FREE_TO, LAYER_CLAMP, Occupancy};
+use super::tile::{CONFIRMED_FROM, FREE_TO, LAYER_CLAMP, OCCUPIED_FROM, Occupancy};
 
 /// What layers say together of a cell.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct SaidTogether {
-    /// The sum, unclamped, 0.1 log-odds; at most `MAX_LAYERS` × `LAYER_CLAMP`, so it fits. But what one layer has confirmed is
-    /// not free as long as nobody has seen it empty from near: however many have from afar, all of them may have looked along
-    /// the same wall. Nor is what the trusted layer holds for occupied; and what it has confirmed is not free at all: its
-    /// vehicle drives by what it heard from where it takes itself to be, and the places of others deviate from that. For the
-    /// same reason what the trusted layer has seen empty from near is free, whatever the others heard there: often its vehicle.
+    /// The sum, unclamped, 0.1 log-odds; at most `MAX_LAYERS` × `LAYER_CLAMP`, so it fits. But silence from afar counts once,
+    /// however many have heard it: a wall is silent to all who look along it. And what one layer has confirmed is occupied as
+    /// long as nobody has seen it empty from near. The trusted layer's vehicle drives by what it heard from where it takes
+    /// itself to be, and the places of others deviate from that: where it has heard nothing, from afar, that is unknown to it
+    /// and not occupied, so that it looks itself; what it holds for occupied is not free as long, and what it has confirmed is
+    /// not free at all; what it has seen empty from near is free, whatever the others heard there: often its vehicle.
     pub sum: i16,
     /// Whether some layer holds it for confirmed.
     pub is_confirmed: bool,
@@ -22,17 +23,27 @@ pub(super) struct SaidTogether {
 impl SaidTogether {
     /// Joins what each layer says; `trusted` is what the trusted one says, 0 if there is none.
     pub(super) fn of(values: impl Iterator<Item = i8>, trusted: i8) -> SaidTogether {
-        let (mut sum, mut is_confirmed, mut is_surely_free, mut is_known) =
-            (0, false, false, false);
+        let (mut sum, mut from_afar) = (0, 0);
+        let (mut is_confirmed, mut is_surely_free, mut is_known) = (false, false, false);
         for value in values {
-            sum += i16::from(value);
+            match value > -LAYER_CLAMP && value < 0 {
+                true => from_afar = from_afar.min(i16::from(value)),
+                false => sum += i16::from(value),
+            }
             is_confirmed |= value >= CONFIRMED_FROM;
             is_surely_free |= value <= -LAYER_CLAMP;
             is_known |= Occupancy::of_value(i16::from(value)) != Occupancy::Unknown;
         }
+        sum += from_afar;
         let is_trusted = Occupancy::of_value(i16::from(trusted)) == Occupancy::Occupied;
-        let is_held = (is_confirmed || is_trusted) && !is_surely_free;
-        if is_held || trusted >= CONFIRMED_FROM {
+        if is_confirmed && !is_surely_free {
+            sum = sum.max(if trusted < 0 {
+                FREE_TO + 1
+            } else {
+                OCCUPIED_FROM
+            });
+        }
+        if (is_trusted && !is_surely_free) || trusted >= CONFIRMED_FROM {
             sum = sum.max(FREE_TO + 1);
         }
         if trusted <= -LAYER_CLAMP {
@@ -116,11 +127,23 @@ mod tests {
     #[test]
     fn what_one_has_confirmed_others_free_from_near_only() {
         let sum = |values: &[i8]| said(values).sum;
-        assert_eq!(sum(&[17, -12, -12, -12]), FREE_TO + 1, "unknown");
-        assert_eq!(sum(&[17, -12, -17, -12]), -24, "one has been near");
-        assert_eq!(sum(&[9, -12, -12]), -15, "it was doubtful");
+        assert_eq!(sum(&[17, -12, -12, -12]), OCCUPIED_FROM);
+        assert_eq!(sum(&[17, -12, -17, -12]), -12, "one has been near");
         assert_eq!(sum(&[17, 17, -12]), 22);
-        assert_eq!(sum(&[-12, -12]), -24);
+        assert_eq!(sum(&[17, -17, -17]), -17);
+    }
+
+    #[test]
+    fn silence_from_afar_counts_once() {
+        let sum = |values: &[i8]| said(values).sum;
+        assert_eq!(sum(&[-12, -12]), -12);
+        assert_eq!(sum(&[-3, -12, -6]), -12);
+        assert_eq!(sum(&[9, -12, -12, -12]), -3, "what is doubtful is unknown");
+        assert_eq!(sum(&[9, 9, -12, -12]), 6, "still");
+        assert_eq!(sum(&[9, 9, 9, -12]), 15);
+        assert_eq!(sum(&[-17, -17, -12]), -46);
+        let doubtful = said(&[9, -12, -12]);
+        assert!(doubtful.is_disputed);
     }
 
     #[test]
@@ -130,12 +153,18 @@ mod tests {
         let kept = said(&[17, -17, -17, -17], 17);
         assert_eq!((kept.sum, kept.is_disputed), (FREE_TO + 1, true));
         assert_eq!(said(&[9, -17, -17], 9).sum, -25, "one has been near");
-        assert_eq!(said(&[9, -12, -12], 9).sum, FREE_TO + 1);
-        assert_eq!(said(&[-12, -12, 9], -12).sum, -15, "a peer's is doubtful");
+        assert_eq!(said(&[9, -12, -12], 9).sum, -3);
         assert_eq!(said(&[17, -17, -17], -17).sum, -17, "a peer confirmed it");
         let seen_empty = said(&[-17, 17, 17, 17], -17);
         assert_eq!((seen_empty.sum, seen_empty.is_disputed), (FREE_TO, false));
-        assert_eq!(said(&[-12, 17], -12).sum, 5, "it looked from afar");
+        let afar = said(&[-12, 17], -12);
+        assert_eq!(
+            (afar.sum, afar.is_disputed),
+            (5, true),
+            "it looked from afar"
+        );
+        assert_eq!(said(&[-12, -17, 17], -12).sum, -12);
+        assert_eq!(said(&[17, -12], 0).sum, OCCUPIED_FROM, "it has not looked");
         assert_eq!(said(&[17, 17, -9], 17).sum, 25);
     }
 
@@ -149,7 +178,8 @@ mod tests {
             (&[-12, 9], true),
             (&[-12, 4], false),
             (&[-12, 5], true),
-            (&[17, -9], true),
+            (&[17, -9], false),
+            (&[9, -9], true),
             (&[17, 17, -9], false),
         ] {
             assert_eq!(said(values).is_disputed, is_disputed, "{values:?}");
@@ -160,7 +190,7 @@ mod tests {
     fn what_is_said_of_a_cell_anew_takes_the_place_of_what_was_said() {
         let mut tile = JoinedTile::default();
         for (values, is_confirmed, is_disputed) in
-            [(&[17, -9][..], true, true), (&[-17], false, false)]
+            [(&[17, -17][..], true, true), (&[-17], false, false)]
         {
             for place in [0, 33, TILE_CELLS - 1] {
                 tile.set(place, said(values));

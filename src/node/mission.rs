@@ -16,12 +16,14 @@
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
 mod announcements;
+mod aside;
 mod assignment;
 mod autonomy;
 mod doubts;
 mod goal;
 mod ground_plan;
 mod home;
+mod homeward;
 mod kind;
 mod leases;
 mod look_around;
@@ -44,13 +46,11 @@ use tomoswarm_proto::{EmergencyStop, Order, OrderKind, RunId, Task};
 use self::announcements::Announcements;
 use self::assignment::Assignment;
 use self::autonomy::{Autonomy, Decision};
-use self::goal::{Goal, GoalSource, Return, ReturnQueue, ReturnStage};
+use self::goal::{Goal, GoalSource};
 use self::ground_plan::GroundPlan;
-use self::home::WayHome;
 use self::leases::PlanLeases;
 use self::pilot::{Pilot, WayEvent};
 use self::place_watch::PlaceWatch;
-use self::returning::{ReturnDecision, Returning};
 use self::runner::{RunnerContext, StepRunner};
 use self::terrain::Terrain;
 use super::memory::Remembered;
@@ -246,71 +246,6 @@ impl Mission {
         }
     }
 
-    /// Goes on with the way home: waits for its turn, or drives.
-    fn bring_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
-        match home.stage {
-            ReturnStage::InQueue(queue) => self.wait_in_queue(now, home, &queue),
-            ReturnStage::UnderWay { .. } => self.drive_home(now, home, out),
-        }
-    }
-
-    fn wait_in_queue(&mut self, now: Time, home: Return, queue: &ReturnQueue) {
-        let Some(state) = self.state.as_ref().filter(|state| state.leg.is_none()) else {
-            return;
-        };
-        let returning = self.returning(now, home);
-        if !returning.is_its_turn(queue) {
-            return;
-        }
-        let peers = self.peers.standing_claims(now);
-        let search = self.terrain.search(now, state.pose);
-        let way_home = WayHome::of(&search, self.settings.home, &peers);
-        let turn = returning.turn(queue, way_home);
-        self.terrain.note_standing_peers(peers);
-        match turn {
-            ReturnDecision::Waits(home) => self.goal = Goal::Returning(home),
-            ReturnDecision::Drives(home, unknown) => {
-                let pose = state.pose;
-                self.pilot.go_home(now, pose, &self.terrain, unknown);
-                self.plan.leave();
-                self.goal = Goal::Returning(home);
-            }
-        }
-    }
-
-    fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
-        if self.state.is_none() {
-            return;
-        }
-        self.drive(now, out);
-        let is_there = self.pilot.way().is_empty();
-        if is_there && self.seems_home() {
-            self.goal = Goal::Home(home.by);
-            out.push(Out::MissionEvent(MissionEvent::Home));
-        } else if is_there || self.pilot.is_refused() {
-            // What it has driven beside its home may lie on the far side of that.
-            self.step_back(now, |returning| returning.after_refused_paths());
-        }
-    }
-
-    fn returning(&self, now: Time, home: Return) -> Returning<'_> {
-        Returning {
-            now,
-            own: self.settings.vehicle,
-            peers: &self.peers,
-            home,
-        }
-    }
-
-    /// Lets others have their turn, if it returns and they are to have it.
-    fn step_back(&mut self, now: Time, back: impl FnOnce(Returning<'_>) -> Option<Return>) {
-        if let Goal::Returning(home) = self.goal
-            && let Some(home) = back(self.returning(now, home))
-        {
-            self.goal = Goal::Returning(home);
-        }
-    }
-
     /// Enters legs ahead as far as the plans allow.
     fn enter_legs(&mut self) {
         let no_path = self.pilot.failures() > 0;
@@ -353,6 +288,7 @@ impl Mission {
                 }
                 self.step_back(now, |returning| returning.after_failures(failures));
             }
+            WayEvent::Blocked(_) if self.goal.drives_home() => self.end_way_aside(),
             WayEvent::Looks(_) | WayEvent::Blocked(_) | WayEvent::Path(_) => {}
         }
         out.push(Out::MissionEvent(met.into()));

@@ -68,7 +68,7 @@ proptest! {
     }
 
     #[test]
-    fn the_merged_cell_is_the_clamped_sum_of_the_newest_but_what_is_confirmed_is_freed_from_near_only(reports in proptest::collection::vec(any_report(), 1..20)) {
+    fn the_merged_cell_is_the_clamped_sum_of_the_newest_but_silence_from_afar_counts_once_and_frees_nothing_confirmed(reports in proptest::collection::vec(any_report(), 1..20)) {
         let map = joined(reports.iter());
         for x in -1..1i32 {
             let layers = (0..3).flat_map(|vehicle| (0..2).map(move |boot| layer(vehicle, boot)));
@@ -77,9 +77,11 @@ proptest! {
                 of_layer.map(|r| (r.revision, r.cells[5].clamp(-17, 17))).max()
             });
             let values: Vec<i8> = newest.map(|(_, value)| value).collect();
-            let sum: i16 = values.iter().map(|value| i16::from(*value)).sum();
+            let (afar, others): (Vec<i8>, Vec<i8>) = values.iter().partition(|value| (-16..0).contains(*value));
+            let sum = |values: &[i8]| values.iter().map(|value| i16::from(*value)).sum::<i16>();
+            let sum = sum(&others) + afar.iter().min().map_or(0, |value| i16::from(*value));
             let is_held = values.iter().any(|value| *value >= 13) && !values.contains(&-17);
-            let expected = if is_held { sum.max(-7) } else { sum };
+            let expected = if is_held { sum.max(9) } else { sum };
             prop_assert_eq!(map.value(0, Cell::new(x * 32 + 5, 0)), expected.clamp(-100, 100));
         }
     }

@@ -5,6 +5,8 @@
 //!
 //! Deliberately absent: driving and looking, see [`super::runner`]; what a look means for the map.
 
+mod behind_peers;
+
 use serde::{Deserialize, Serialize};
 
 use super::kind::{DriveRoute, RouteRoom};

@@ -135,6 +135,10 @@ pub enum MissionEvent {
     StaysDoubtful(Point, Vec<Point>),
     /// The mission has ended.
     Ended(EndReason),
+    /// Peers are in its way: it waits for them to make room.
+    WaitsForPeers,
+    /// It makes room for peers that are in its way, here.
+    StepsAside(Point),
     /// The vehicle is back home.
     Home,
     /// This vehicle is heard neither by bus nor by radio: an obstacle until it is.
@@ -202,6 +206,8 @@ impl fmt::Display for MissionEvent {
                 write!(f, "is not sure of a way to {at}: {why}")
             }
             MissionEvent::Ended(how) => write!(f, "has ended its mission: {how}"),
+            MissionEvent::WaitsForPeers => f.write_str("waits for its peers to make room"),
+            MissionEvent::StepsAside(to) => write!(f, "steps aside to {to} for its peers"),
             MissionEvent::Home => f.write_str("is home"),
             MissionEvent::Silent(peer) => {
                 write!(f, "does not hear vehicle {peer}: an obstacle from now on")

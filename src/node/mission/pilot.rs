@@ -169,6 +169,11 @@ impl Pilot {
         self.command.is_every_path_refused()
     }
 
+    /// Returns whether it drives a route as it is: what blocks that is for its giver to decide about.
+    pub(super) fn drives_route(&self) -> bool {
+        !self.purpose.is_replaceable()
+    }
+
     /// Returns when to be asked again without any input.
     pub(super) fn deadline(&self) -> Option<Deadline> {
         let (at, why) = match &self.state {

@@ -123,15 +123,19 @@ impl Mission {
             .flatten()
     }
 
-    /// Returns where it is going: what its mission wants to come to or to see, also while that waits for something; otherwise
-    /// where its way ends.
+    /// Returns where it is going: what its mission wants to come to or to see, also while that waits for something; home when it
+    /// returns; otherwise where its way ends.
     pub(super) fn goal_place(&self) -> Option<Position> {
         let runner = self
             .runner
             .as_ref()
             .filter(|_| self.goal == Goal::Following);
         let way = self.pilot.way();
-        let end = (!way.is_empty()).then(|| way.end());
+        let home = self.settings.home;
+        let end = match self.goal {
+            Goal::Returning(_) => Some(home),
+            _ => (!way.is_empty()).then(|| way.end()),
+        };
         runner
             .and_then(StepRunner::goal)
             .or(end)

@@ -1,7 +1,7 @@
 //! The way home: one vehicle after the other, lower ids first, as their states or their beacons tell. A vehicle that yields
 //! to a lower id on its way steps back into the line, and so does one that is barred by peers that stand, or that refuses
 //! every path: their turn comes early, and the known way is tried anew after them. Only when nobody moves any more it goes
-//! through the unknown.
+//! through the unknown; and when that is in vain it steps aside, since those that bar its way may wait for it.
 //!
 //! Here is decided what becomes of a return; a vehicle drives, and its goal changes, in [`super::Mission`].
 
@@ -13,11 +13,14 @@ use super::AutonomyCause;
 use super::goal::{GoalSource, Return, ReturnQueue, ReturnStage};
 use super::home::WayHome;
 use super::pilot::Unknown;
+use crate::geom::Point;
 use crate::node::peers::{Peer, Peers};
 use crate::time::Time;
 
 /// Before it returns, a vehicle waits until all lower ids have been quiet this long, for each of them.
 const QUIET: Duration = Duration::from_secs(2);
+/// Before it returns, it waits this long for what its peers say of where they go now.
+const HEARS_IN: Duration = Duration::from_secs(1);
 /// Higher ids are waited for only until they stand, and no longer than this: they may still follow plans.
 const HIGHER_WITHIN: Duration = Duration::from_secs(60);
 /// The same for a vehicle that has stepped back into the line: now they drive home.
@@ -45,12 +48,27 @@ pub(super) struct Returning<'a> {
 }
 
 /// What a vehicle does whose turn it is.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub(super) enum ReturnDecision {
     /// It waits for those who bar its way.
     Waits(Return),
     /// It drives.
     Drives(Return, Unknown),
+    /// It steps aside for them, by these corners: they may wait for it.
+    StepsAside(Return, Vec<Point>),
+}
+
+/// Whether others that go home cannot get there because of this vehicle.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Bars {
+    /// All can.
+    Nobody,
+    /// Some cannot once this one is at home.
+    AtHome,
+    /// Some cannot even as it stands.
+    Here,
+    /// Some of higher ids cannot once this one is at home, and it cannot from here once they are.
+    EachOther,
 }
 
 impl Returning<'_> {
@@ -70,27 +88,70 @@ impl Returning<'_> {
             let is_endless = has_waited(lower_within) && !peer.goes_home();
             is_endless || peer.is_quiet(self.now, queue.since, quiet)
         };
-        queue.try_at <= self.now
+        let has_heard =
+            self.peers.iter().next().is_none() || self.now.since(queue.since) >= HEARS_IN;
+        has_heard
+            && queue.try_at <= self.now
             && self.lower().all(lets_go)
             && (higher_stand || has_waited(higher_within))
     }
 
-    /// Returns what a vehicle does whose turn it is, as the way home looks.
-    pub(super) fn turn(&self, queue: &ReturnQueue, way_home: WayHome) -> ReturnDecision {
+    /// Returns what a vehicle does whose turn it is, as the way home looks, and as it bars the ways of others: these are let go
+    /// first. `way_aside` looks for a place aside, the so many-th time in a row.
+    pub(super) fn turn(
+        &self,
+        queue: &ReturnQueue,
+        (way_home, bars): (WayHome, Bars),
+        way_aside: impl FnOnce(u32) -> Option<Vec<Point>>,
+    ) -> ReturnDecision {
         let others_move = self.peers.iter().any(|(_, peer)| !peer.stands(self.now));
         let presses_on = others_move || self.is_battery_low();
+        let waits = || ReturnDecision::Waits(self.waits_behind_peers(queue));
+        if self.lets_others_first(queue) {
+            match bars {
+                Bars::Nobody => {}
+                Bars::AtHome => return waits(),
+                Bars::Here => return self.steps_aside(way_aside).unwrap_or_else(waits),
+                Bars::EachOther => {
+                    let drives = || self.drives(Unknown::LastResort, presses_on);
+                    return self.steps_aside(way_aside).unwrap_or_else(drives);
+                }
+            }
+        }
         match way_home {
             _ if presses_on => self.drives(Unknown::LastResort, presses_on),
             WayHome::Open if self.home.tries % TRIES != TRIES - 1 => {
                 self.drives(Unknown::Barred, presses_on)
             }
-            WayHome::BehindPeers if !self.has_waited(queue) => {
-                ReturnDecision::Waits(self.waits_behind_peers(queue))
-            }
+            WayHome::BehindPeers if !self.has_waited(queue) => waits(),
+            WayHome::BehindPeers if self.home.tries % 2 == 1 => self
+                .steps_aside(way_aside)
+                .unwrap_or_else(|| self.drives(Unknown::LastResort, presses_on)),
             WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => {
                 self.drives(Unknown::LastResort, presses_on)
             }
         }
+    }
+
+    /// Returns whether it still lets those go first whom it would bar at home.
+    fn lets_others_first(&self, queue: &ReturnQueue) -> bool {
+        let has_waited = |since: Time| self.now.since(since) >= PATIENCE_MAX;
+        !self.is_battery_low()
+            && self.home.tries < FAILURES_MAX
+            && !queue.barred_since.is_some_and(has_waited)
+    }
+
+    fn steps_aside(
+        &self,
+        way_aside: impl FnOnce(u32) -> Option<Vec<Point>>,
+    ) -> Option<ReturnDecision> {
+        let corners = way_aside(self.home.tries / 2 + 1)?;
+        let stage = ReturnStage::UnderWay {
+            bold_since: None,
+            presses_on: false,
+        };
+        let home = Return { stage, ..self.home };
+        Some(ReturnDecision::StepsAside(home, corners))
     }
 
     fn drives(&self, unknown: Unknown, presses_on: bool) -> ReturnDecision {

@@ -18,6 +18,7 @@
 //!
 //! Deliberately absent: where to go and what to look at, see [`super::kind`].
 
+mod after_mission;
 mod barred_places;
 mod claims;
 mod close_looks;
@@ -42,7 +43,6 @@ use self::routes::RouteFinder;
 use self::tries::Tries;
 use self::yield_to_peers::YieldToPeers;
 use super::doubts::Doubts;
-use super::home::HOME_M;
 use super::kind::{AnyBehaviour, DriveRoute, MissionInput, MissionStep, PassedOver, RouteRoom};
 use super::look_around::{LookAround, Next, dwell};
 use super::obstruction::Obstruction;
@@ -60,8 +60,6 @@ const ASK_EVERY: Duration = Duration::from_secs(1);
 const WAIT: Duration = Duration::from_secs(2);
 /// Who has stepped aside waits this long, so that those for whom it did have set out before it comes back.
 const WAIT_ASIDE: Duration = Duration::from_secs(6);
-/// So many waits for peers in a row on the way home, and the return in order is waited for.
-const HOME_WAITS_MAX: u32 = 80;
 
 /// Where the vehicle is going.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -120,6 +118,8 @@ pub(super) struct StepRunner {
     progress: ProgressWatch,
     /// The place of the mission that it goes for by paths.
     sought: Option<Point>,
+    /// At home, when it looks next whether it bars somebody's way.
+    room_at: Time,
 }
 
 impl StepRunner {
@@ -135,6 +135,7 @@ impl StepRunner {
             yields: YieldToPeers::default(),
             progress: ProgressWatch::new(settings),
             sought: None,
+            room_at: Time::ZERO,
         })
     }
 
@@ -250,7 +251,8 @@ impl StepRunner {
         }
         match self.phase {
             Phase::Choosing { from } if from <= scene.now => self.tell(scene, MissionInput::Ready),
-            Phase::Choosing { .. } | Phase::Over => {}
+            Phase::Choosing { .. } => {}
+            Phase::Over => self.make_room(scene),
             Phase::Driving { to, .. } if scene.pilot.way().is_empty() => self.arrive(scene, to),
             Phase::Driving { to, asked } if scene.now.since(asked) >= ASK_EVERY => {
                 self.ask(scene, to)
@@ -569,26 +571,6 @@ impl StepRunner {
         self.mission = OwnMission::Ended(end.clone());
         scene.emit(MissionEvent::Ended(end));
         self.think(scene.now);
-    }
-
-    /// The mission has ended: the vehicle goes home over what is known, or else over what nobody has seen, since peers may
-    /// have to pass where it stands; if it cannot it stays until it is sent.
-    fn head_home(&mut self, scene: &mut RunnerContext<'_>) {
-        let (pose, home) = (scene.pose(), self.settings.home);
-        if home.distance_to(pose.at) <= HOME_M || self.tries.are_spent() {
-            self.phase = Phase::Over;
-            return;
-        }
-        let claims = scene.surroundings().claims();
-        let courses = self.courses(scene);
-        let course = [false, true]
-            .into_iter()
-            .find_map(|unknown_allowed| courses.course_to(home, unknown_allowed, &claims).ok());
-        match course {
-            Some(course) => self.drive(scene, &course, Destination::Home),
-            None if self.yields.in_a_row() < HOME_WAITS_MAX => self.yield_to_peers(scene),
-            None => self.phase = Phase::Over,
-        }
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod driven_places;
 mod fence_clearance;
+mod others;
 mod peer_clearance;
 mod reflex_obstacles;
 mod search;

@@ -9,6 +9,7 @@
 //!   [Facing]   ─ looked, or blocked ─► [Choosing]
 //!   [Choosing] ─ nothing is left, but something that may bar the way and may not ─► [Doubting]
 //!   [Doubting] ─ looked at it from near, or blocked ─► [Choosing]
+//!   [Choosing] ─ peers bar the way to where it would look from ─► [Barred] ─ waited ─► [Choosing]
 //! ```
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from elsewhere, is left: at first
@@ -87,7 +88,7 @@ impl Preference {
 }
 
 /// How far it is with the look that comes next.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 enum Stage {
     /// It has not looked around where it begins.
     Fresh,
@@ -98,6 +99,8 @@ enum Stage {
     Facing(Cell),
     /// On its way to where this cell, which may bar the way and may not, can be looked at from near.
     Doubting(Cell),
+    /// Peers bar the way to where it would look from: it waits for them.
+    Barred(Point),
 }
 
 /// A search or an exploration.
@@ -132,7 +135,11 @@ impl Behaviour for Seek {
             }
             (
                 MissionInput::Ready,
-                Stage::Choosing | Stage::Going(_) | Stage::Facing(_) | Stage::Doubting(_),
+                Stage::Choosing
+                | Stage::Going(_)
+                | Stage::Facing(_)
+                | Stage::Doubting(_)
+                | Stage::Barred(_),
             ) => self.choose(around),
             (MissionInput::UnderWay, Stage::Going(cell))
                 if !self.is_frontier(around.terrain, cell) =>
@@ -145,7 +152,8 @@ impl Behaviour for Seek {
                 | Stage::Choosing
                 | Stage::Going(_)
                 | Stage::Facing(_)
-                | Stage::Doubting(_),
+                | Stage::Doubting(_)
+                | Stage::Barred(_),
             ) => MissionStep::GoOn,
             (MissionInput::Arrived, Stage::Going(cell)) => MissionStep::LookAt(cell),
             (MissionInput::Arrived, Stage::Facing(cell)) => MissionStep::LookAtFace(cell),
@@ -154,7 +162,9 @@ impl Behaviour for Seek {
                     .note(self.settings.lattice, cell, around.pose.at);
                 MissionStep::LookClosely(cell)
             }
-            (MissionInput::Arrived, Stage::Fresh | Stage::Choosing) => MissionStep::Think,
+            (MissionInput::Arrived, Stage::Fresh | Stage::Choosing | Stage::Barred(_)) => {
+                MissionStep::Think
+            }
             (MissionInput::Blocked(_), Stage::Going(cell)) => {
                 self.looks.note(&[cell], around.pose.at);
                 MissionStep::TryAgain
@@ -168,13 +178,19 @@ impl Behaviour for Seek {
                     .note(self.settings.lattice, cell, around.pose.at);
                 MissionStep::TryAgain
             }
-            (MissionInput::Blocked(_), Stage::Fresh | Stage::Choosing) => MissionStep::TryAgain,
+            (MissionInput::Blocked(_), Stage::Fresh | Stage::Choosing | Stage::Barred(_)) => {
+                MissionStep::TryAgain
+            }
             (MissionInput::Looked { from, toward, at }, stage) => {
                 self.sweeps
                     .look(self.settings.vehicle, around.now, from, toward);
                 match stage {
                     Stage::Facing(cell) => self.face_looks.note(&[cell], from),
-                    Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_) => {
+                    Stage::Fresh
+                    | Stage::Choosing
+                    | Stage::Going(_)
+                    | Stage::Doubting(_)
+                    | Stage::Barred(_) => {
                         if at.is_some() {
                             self.note_look(around.terrain, from, toward, at);
                         }
@@ -191,6 +207,7 @@ impl Behaviour for Seek {
             Stage::Going(cell) | Stage::Facing(cell) | Stage::Doubting(cell) => {
                 Some(self.settings.lattice.centre(cell))
             }
+            Stage::Barred(from) => Some(from),
         }
     }
 
@@ -297,10 +314,11 @@ impl Seek {
         // Peers bar what would be seen without them, on the same ways.
         if around.peers.iter().next().is_some() {
             let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
-            let mut vain = in_vain.iter();
-            if vain
-                .any(|(rigour, sought)| alone.best(self.looks_of(*rigour), *rigour, sought).is_ok())
-            {
+            let seen = in_vain.iter().find_map(|(rigour, sought)| {
+                alone.best(self.looks_of(*rigour), *rigour, sought).ok()
+            });
+            if let Some(FoundLook { look, ground, .. }) = seen {
+                self.stage = Stage::Barred(ground.grid.lattice().centre(look.from));
                 return MissionStep::YieldToPeers;
             }
         }

@@ -6,6 +6,11 @@ use super::*;
 use crate::node::mission::goal::Goal;
 use crate::node::tests_support::state;
 
+/// There is no place aside.
+fn nowhere(_: u32) -> Option<Vec<Point>> {
+    None
+}
+
 fn at(time_s: f64) -> Time {
     Time::from_secs_f64(time_s)
 }
@@ -132,9 +137,13 @@ fn a_known_way_is_driven_and_every_third_time_the_unknown_is_a_resort() {
     let peers = peers(&[]);
     let unknown = |tries: u32| {
         let home = Return { tries, ..ordered() };
-        match returning(5.0, &peers, home).turn(&queue_since(1.0), WayHome::Open) {
+        match returning(5.0, &peers, home).turn(
+            &queue_since(1.0),
+            (WayHome::Open, Bars::Nobody),
+            nowhere,
+        ) {
             ReturnDecision::Drives(_, unknown) => unknown,
-            ReturnDecision::Waits(home) => panic!("{home:?}"),
+            other => panic!("{other:?}"),
         }
     };
     assert_eq!(
@@ -151,9 +160,11 @@ fn a_known_way_is_driven_and_every_third_time_the_unknown_is_a_resort() {
 #[test]
 fn behind_peers_it_waits_until_they_have_had_time_enough() {
     let peers = peers(&[(3, 5.0, false)]);
-    let ReturnDecision::Waits(home) =
-        returning(5.0, &peers, ordered()).turn(&queue_since(1.0), WayHome::BehindPeers)
-    else {
+    let ReturnDecision::Waits(home) = returning(5.0, &peers, ordered()).turn(
+        &queue_since(1.0),
+        (WayHome::BehindPeers, Bars::Nobody),
+        nowhere,
+    ) else {
         panic!("it waits")
     };
     let ReturnStage::InQueue(queue) = home.stage else {
@@ -162,7 +173,11 @@ fn behind_peers_it_waits_until_they_have_had_time_enough() {
     assert_eq!((queue.barred_since, queue.try_at), (Some(at(5.0)), at(8.0)));
     let drives_at = |now_s: f64| {
         matches!(
-            returning(now_s, &peers, home).turn(&queue, WayHome::BehindPeers),
+            returning(now_s, &peers, home).turn(
+                &queue,
+                (WayHome::BehindPeers, Bars::Nobody),
+                nowhere
+            ),
             ReturnDecision::Drives(_, Unknown::LastResort)
         )
     };
@@ -170,11 +185,66 @@ fn behind_peers_it_waits_until_they_have_had_time_enough() {
     assert!(!drives_at(21.9) && drives_at(22.0));
 }
 
+/// What vehicle 2 does at a moment after tries in vain, when vehicle 3 bars its way since second 5; a place aside is said by
+/// how often it is looked for in a row.
+fn behind_peers(now_s: f64, tries: u32, drives: bool, way: (WayHome, Bars)) -> ReturnDecision {
+    let peers = peers(&[(3, 5.0, drives)]);
+    let home = Return { tries, ..ordered() };
+    let queue = ReturnQueue {
+        barred_since: Some(at(5.0)),
+        ..queue_since(1.0)
+    };
+    let aside = |times: u32| Some(vec![Point::new(f64::from(times), 0.0)]);
+    returning(now_s, &peers, home).turn(&queue, way, aside)
+}
+
+#[test]
+fn behind_peers_it_goes_through_the_unknown_and_steps_aside_by_turns() {
+    let steps_aside =
+        |tries: u32| match behind_peers(30.0, tries, false, (WayHome::BehindPeers, Bars::Nobody)) {
+            ReturnDecision::StepsAside(home, corners) => Some((home, corners[0].x_m)),
+            ReturnDecision::Drives(..) => None,
+            waits @ ReturnDecision::Waits(_) => panic!("{waits:?}"),
+        };
+    let times = [0, 1, 2, 3].map(|tries| steps_aside(tries).map(|(_, times)| times));
+    assert_eq!(times, [None, Some(1.0), None, Some(2.0)]);
+    let (home, _) = steps_aside(1).unwrap();
+    let aside = under_way(None, false);
+    assert_eq!(home, Return { tries: 1, ..aside });
+    let none = peers(&[]);
+    let back = returning(40.0, &none, home).after_refused_paths().unwrap();
+    assert!(back.tries == 2 && !back.is_under_way(), "then it waits");
+}
+
+#[test]
+fn who_would_bar_others_lets_them_go_home_first_and_steps_aside_where_it_bars_them_as_it_stands() {
+    let decided = |now_s, tries, bars| behind_peers(now_s, tries, true, (WayHome::Open, bars));
+    let waits = |decision| matches!(decision, ReturnDecision::Waits(_));
+    assert!(waits(decided(6.0, 0, Bars::AtHome)) && waits(decided(304.0, 0, Bars::AtHome)));
+    let steps_aside = decided(6.0, 0, Bars::Here);
+    assert!(matches!(steps_aside, ReturnDecision::StepsAside(..)));
+    let peers = peers(&[(3, 5.0, true)]);
+    let way = (WayHome::Open, Bars::Here);
+    let no_room = returning(6.0, &peers, ordered()).turn(&queue_since(1.0), way, nowhere);
+    assert!(waits(no_room), "until there is");
+    let drives = |now_s, tries| {
+        matches!(
+            decided(now_s, tries, Bars::Here),
+            ReturnDecision::Drives(..)
+        )
+    };
+    assert!(drives(305.0, 0) && drives(6.0, 6), "not for ever");
+}
+
 #[test]
 fn while_others_move_it_presses_on_whatever_the_way_looks_like() {
     let peers = peers(&[(3, 5.0, true)]);
     for way_home in [WayHome::Open, WayHome::BehindPeers, WayHome::Unknown] {
-        let turn = returning(5.0, &peers, ordered()).turn(&queue_since(1.0), way_home);
+        let turn = returning(5.0, &peers, ordered()).turn(
+            &queue_since(1.0),
+            (way_home, Bars::Nobody),
+            nowhere,
+        );
         let expected = under_way(Some(5.0), true);
         assert_eq!(turn, ReturnDecision::Drives(expected, Unknown::LastResort));
     }

@@ -53,6 +53,10 @@ impl StepRunner {
                 scene.emit(MissionEvent::NoWay(place, bars));
                 self.pass_over(scene, place, PassedOver::NoWay);
             }
+            // Its peers keep it from where it could look.
+            DoubtStep::Spent(_) if self.doubts.wait_for_peers(&search, place, claims) => {
+                self.yield_to_peers(scene);
+            }
             DoubtStep::Spent(bars) => {
                 scene.emit(MissionEvent::StaysDoubtful(place, bars));
                 self.pass_over(scene, place, PassedOver::GivenUp);

@@ -1,9 +1,11 @@
 //! Whether what is in the way is a peer or the world, and what a vehicle does about peers: it waits, steps aside, or gives up
 //! what it goes for. When it does which is decided by [`super::yield_to_peers`].
 
-use super::yield_to_peers::{PeerWay, Turn, Yield, way_aside};
+use super::yield_to_peers::{Turn, Yield};
 use super::{Destination, RunnerContext, StepRunner, WAIT};
 use crate::geom::{Point, Segment};
+use crate::node::mission::MissionEvent;
+use crate::node::mission::aside::{PeerWay, way_aside};
 use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
 use crate::node::mission::pilot::AHEAD_M;
@@ -34,11 +36,22 @@ impl StepRunner {
                 self.finish(scene, end);
             }
             (Yield::StepAside, ..) => match self.course_aside(scene, &ways) {
-                Some(course) => self.drive(scene, &course, Destination::Aside),
+                Some(course) => self.step_aside(scene, &course),
                 None => self.choose_at(scene.now + WAIT),
             },
-            (Yield::Wait, ..) | (Yield::InVain, None, _) => self.choose_at(scene.now + WAIT),
+            (Yield::Wait, ..) | (Yield::InVain, None, _) => {
+                if self.yields.in_a_row() == 1 {
+                    scene.emit(MissionEvent::WaitsForPeers);
+                }
+                self.choose_at(scene.now + WAIT);
+            }
         }
+    }
+
+    pub(super) fn step_aside(&mut self, scene: &mut RunnerContext<'_>, course: &DriveRoute) {
+        let to = course.corners.last().copied().unwrap_or(scene.pose().at);
+        scene.emit(MissionEvent::StepsAside(to));
+        self.drive(scene, course, Destination::Aside);
     }
 
     /// Returns where the peers are, and where they want to go from there as far as that is known.
@@ -86,13 +99,17 @@ impl StepRunner {
         }
     }
 
-    fn course_aside(&self, scene: &RunnerContext<'_>, ways: &[PeerWay]) -> Option<DriveRoute> {
+    pub(super) fn course_aside(
+        &self,
+        scene: &RunnerContext<'_>,
+        ways: &[PeerWay],
+    ) -> Option<DriveRoute> {
         let claims = scene.surroundings().claims();
         let grid = self
             .courses(scene)
             .ground(None, Resolution::Cells, false, &claims)?;
         let room_m = self.yields.room_m(ways);
-        let corners = way_aside(&grid, scene.pose().at, ways, room_m)?;
+        let corners = way_aside(&grid, scene.pose().at, ways, room_m, |_| true)?;
         Some(DriveRoute {
             corners,
             room: RouteRoom::Kept,

@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 
 use tomoswarm_proto::{Boot, MissionProgress, State, TaskKind, VehicleId};
 
-use super::yield_to_peers::{PeerWay, Turn, Yield, way_aside};
+use super::yield_to_peers::{Turn, Yield};
 use super::*;
 use crate::autopilot::{StoredPhase, StoredProgress};
 use crate::node::OwnState;
 use crate::node::mission::In;
+use crate::node::mission::aside::{PeerWay, way_aside};
 use crate::node::mission::kind::tests_support::obstacle;
 use crate::node::mission::obstruction::ObstructionKind;
 use crate::node::mission::pilot::Pilot;
@@ -232,8 +233,12 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
             rig.arrive();
         }
     }
+    let [waits, MissionEvent::StepsAside(to), ends @ ..] = &events[..] else {
+        panic!("{events:?}")
+    };
+    assert!(*waits == MissionEvent::WaitsForPeers && to.distance_to(place) > 1.0);
     assert_eq!(
-        events,
+        ends,
         [
             MissionEvent::Passed(place),
             MissionEvent::Ended(EndReason::GaveUp(1))
@@ -254,7 +259,7 @@ fn behind_a_peer() -> Rig {
 fn a_straight_leg_waits_for_a_peer_and_is_gone_on_with_from_where_the_vehicle_is() {
     let mut rig = behind_a_peer();
     let yields = |rig: &Rig| rig.runner.phase() == MissionPhase::Yielding;
-    assert_eq!(rig.run(30), []);
+    assert_eq!(rig.run(30), [MissionEvent::WaitsForPeers]);
     assert!(rig.pilot.way().is_empty() && yields(&rig));
     let gone = State {
         sequence: 2,
@@ -320,7 +325,9 @@ fn a_straight_leg_that_a_peer_never_frees_is_given_up() {
             rig.own.pose.at = Point::new(3.0, 0.0);
         }
     }
-    assert_eq!(events, [MissionEvent::Ended(EndReason::GaveUp(1))]);
+    events.retain(|event| !matches!(event, MissionEvent::StepsAside(_)));
+    let ended = MissionEvent::Ended(EndReason::GaveUp(1));
+    assert_eq!(events, [MissionEvent::WaitsForPeers, ended]);
     assert!((180.0..320.0).contains(&rig.now_s), "{} s", rig.now_s);
 }
 
@@ -362,10 +369,11 @@ fn a_place_aside_is_off_the_way_that_a_peer_wants_to_go_and_no_farther_than_it_m
         let rooms = [1, 2].map(|_| {
             yields.once_more(&turn(1, true), &Peers::new(VehicleId(1)));
             yields.once_more(&turn(1, true), &Peers::new(VehicleId(1)));
-            yields.room_m(&[way])
+            yields.room_m(std::slice::from_ref(&way))
         });
         rooms.map(|room_m| {
-            let corners = way_aside(&grid, from, &[way], room_m).expect("there is room");
+            let corners = way_aside(&grid, from, std::slice::from_ref(&way), room_m, |_| true)
+                .expect("there is room");
             *corners.last().expect("it leads somewhere")
         })
     };

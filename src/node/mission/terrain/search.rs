@@ -491,7 +491,7 @@ impl PathSearch<'_> {
             .holds_along(&[self.pose.at, to], claim)
     }
 
-    fn peer_clearance(&self, lattice: Lattice) -> PeerClearance {
+    pub(super) fn peer_clearance(&self, lattice: Lattice) -> PeerClearance {
         PeerClearance {
             from: self.pose.at,
             lattice,

@@ -315,6 +315,7 @@ fn the_drawing_shows_the_stages_and_no_others() {
         Stage::Going(_) => "Going",
         Stage::Facing(_) => "Facing",
         Stage::Doubting(_) => "Doubting",
+        Stage::Barred(_) => "Barred",
     };
     let cell = Cell::new(0, 0);
     let stages = [
@@ -323,6 +324,7 @@ fn the_drawing_shows_the_stages_and_no_others() {
         Stage::Going(cell),
         Stage::Facing(cell),
         Stage::Doubting(cell),
+        Stage::Barred(Point::new(0.0, 0.0)),
     ];
     let shown = drawn(include_str!("../seek.rs"));
     assert_eq!(shown, variants::<Stage>());

@@ -1,0 +1,157 @@
+//! Out of the way of peers: where they go from where they are, as far as anybody knows, and a place near by where nobody
+//! stands in their way. When a vehicle steps aside is decided by who drives: [`super::runner`], [`super::returning`].
+
+use std::collections::BTreeMap;
+
+use tomoswarm_proto::VehicleId;
+
+use super::home::HOME_M;
+use super::terrain::{PathSearch, RULES};
+use crate::geom::{Cell, Point, Track};
+use crate::node::peers::{Peer, Peers};
+use crate::plan::{Distances, SearchGrid};
+use crate::time::Time;
+
+/// The longest way aside, metres.
+const WAY_M: f64 = 8.0;
+/// Off the way of a peer is who keeps so many separations from it.
+const OFF: f64 = 1.2;
+/// What a metre of way must be worth in metres of room.
+const WORTH: f64 = 0.15;
+/// So much more room than here a place aside must have, metres.
+const GAIN_M: f64 = 0.3;
+/// Beyond this distance more room between peers is worth nothing, metres.
+const ROOM_M: f64 = 6.0;
+/// The same from ways that are known, in separations; and so much more for every time that it has stepped aside in a row.
+const ROOM_TO_WAY: f64 = 1.5;
+
+/// Where a peer is, and where it wants to go from there: straight, unless its way was searched.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct PeerWay {
+    way: Track,
+    is_known: bool,
+    separation_m: f64,
+}
+
+impl PeerWay {
+    /// Makes the way of a peer; one that is not heard goes nowhere.
+    pub(super) fn of(peer: &Peer, now: Time, separation_m: f64) -> PeerWay {
+        let goal = peer.goal.filter(|_| !peer.is_silent(now));
+        PeerWay {
+            way: Track::straight(peer.at, goal.map_or(peer.at, |goal| goal.at)),
+            is_known: goal.is_some(),
+            separation_m,
+        }
+    }
+
+    /// Returns the same of a peer whose way to where it goes was searched.
+    pub(super) fn along(self, searched: Track) -> PeerWay {
+        PeerWay {
+            way: searched,
+            ..self
+        }
+    }
+
+    /// Returns whether a vehicle that stands at a place is in the way, or may be.
+    pub(super) fn is_barred_from(&self, place: Point) -> bool {
+        self.way.distance_to_point(place) < OFF * self.separation_m
+    }
+}
+
+/// A peer that is going somewhere.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bound<'a> {
+    pub id: VehicleId,
+    pub peer: &'a Peer,
+    /// Where it goes.
+    pub to: Point,
+}
+
+impl Bound<'_> {
+    /// Returns those that are heard, and are not yet where they said that they go.
+    pub(super) fn all(peers: &Peers, now: Time) -> impl Iterator<Item = Bound<'_>> {
+        let heard = peers.iter().filter(move |(_, peer)| !peer.is_silent(now));
+        heard.filter_map(|(id, peer)| {
+            let to = peer.goal?.at;
+            (peer.at.distance_to(to) > HOME_M).then_some(Bound { id, peer, to })
+        })
+    }
+
+    /// Returns whether it cannot get there as long as a vehicle stands at a place, and may if none does.
+    pub(super) fn is_barred(&self, search: &PathSearch<'_>, place: Point) -> bool {
+        search.is_barred_for((self.peer.at, self.to), place)
+    }
+}
+
+/// Returns those that cannot get where they go once a vehicle is at its home: they go first.
+pub(super) fn who_goes_first<'a>(
+    peers: &'a Peers,
+    now: Time,
+    search: &PathSearch<'_>,
+    home: Point,
+) -> Vec<Bound<'a>> {
+    let is_first = |bound: &Bound<'_>| bound.is_barred(search, home);
+    Bound::all(peers, now).filter(is_first).collect()
+}
+
+/// Returns the ways of peers, searched where the map knows one.
+pub(super) fn ways_of_peers(
+    peers: &Peers,
+    now: Time,
+    search: &PathSearch<'_>,
+    separation_m: f64,
+) -> Vec<PeerWay> {
+    let way = |bound: Bound<'_>| Some((bound.id, search.way_for((bound.peer.at, bound.to))?));
+    let searched: BTreeMap<VehicleId, Track> = Bound::all(peers, now).filter_map(way).collect();
+    let way = |(id, peer): (VehicleId, &Peer)| {
+        let straight = PeerWay::of(peer, now, separation_m);
+        match searched.get(&id) {
+            Some(way) => straight.along(way.clone()),
+            None => straight,
+        }
+    };
+    peers.iter().map(way).collect()
+}
+
+/// Returns up to which distance room between a vehicle and peers on these ways is worth something, metres, when it steps aside
+/// for so many times in a row.
+pub(super) fn enough_m(ways: &[PeerWay], times: u32) -> f64 {
+    let known = ways.iter().filter(|way| way.is_known);
+    let to_ways = known.map(|way| ROOM_TO_WAY * way.separation_m * f64::from(times.max(1)));
+    match ways.iter().all(|way| way.is_known) {
+        true => to_ways.fold(0.0, f64::max).min(ROOM_M),
+        false => ROOM_M,
+    }
+}
+
+/// Returns the corners of a way to where the peers and their ways are farther away than from here, up to so far; `None` when
+/// there is none near by that is worth it. Only places that `may_stand` allows count.
+pub(super) fn way_aside(
+    grid: &SearchGrid,
+    from: Point,
+    ways: &[PeerWay],
+    enough_m: f64,
+    may_stand: impl Fn(Point) -> bool,
+) -> Option<Vec<Point>> {
+    let lattice = grid.lattice();
+    let reached = Distances::from_start(grid, lattice.cell_at(from), &RULES).ok()?;
+    let room_m = |at: Point| {
+        let distances = ways.iter().map(|one| one.way.distance_to_point(at));
+        distances.fold(enough_m, f64::min)
+    };
+    let worth = |cell: Cell| {
+        let way_m = reached.cost_m(cell).filter(|way_m| *way_m <= WAY_M)?;
+        let middle = lattice.centre(cell);
+        may_stand(middle).then(|| (room_m(middle) - WORTH * way_m, cell))
+    };
+    let best = grid
+        .area()
+        .cells()
+        .filter_map(worth)
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let to = lattice.centre(best.1);
+    (!may_stand(from) || best.0 > room_m(from) + GAIN_M)
+        .then(|| reached.route_to(grid, from, to))
+        .flatten()
+        .map(|route| route.points[1..].to_vec())
+}

@@ -1,0 +1,146 @@
+//! How a vehicle comes home beside others: it waits for its turn, drives, or steps aside for those whose way it bars. What
+//! becomes of a return is decided by [`super::returning`].
+
+use super::aside::{Bound, enough_m, way_aside, ways_of_peers, who_goes_first};
+use super::goal::{Goal, Return, ReturnQueue, ReturnStage};
+use super::home::WayHome;
+use super::kind::RouteRoom;
+use super::returning::{Bars, ReturnDecision, Returning};
+use super::terrain::{PathSearch, RULES, Resolution};
+use super::{Mission, MissionEvent, Out};
+use crate::geom::Point;
+use crate::plan::Component;
+use crate::time::Time;
+
+impl Mission {
+    /// Goes on with the way home: waits for its turn, or drives.
+    pub(super) fn bring_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        match home.stage {
+            ReturnStage::InQueue(queue) => self.wait_in_queue(now, home, &queue, out),
+            ReturnStage::UnderWay { .. } => self.drive_home(now, home, out),
+        }
+        if self.announcements.goal(self.goal_place()) {
+            out.push(Out::Progress(self.on_wire()));
+        }
+    }
+
+    fn wait_in_queue(&mut self, now: Time, home: Return, queue: &ReturnQueue, out: &mut Vec<Out>) {
+        let Some(state) = self.state.as_ref().filter(|state| state.leg.is_none()) else {
+            return;
+        };
+        let returning = self.returning(now, home);
+        if !returning.is_its_turn(queue) {
+            return;
+        }
+        let claims = self.peers.standing_claims(now);
+        let search = self.terrain.search(now, state.pose);
+        let way_home = WayHome::of(&search, self.settings.home, &claims);
+        let pose = state.pose;
+        let bars = self.bars_on_their_way_home(now, &search);
+        let way_aside = |times: u32| self.way_aside(now, &search, &claims, times);
+        let (home, unknown) = match returning.turn(queue, (way_home, bars), way_aside) {
+            ReturnDecision::Waits(home) => (home, None),
+            ReturnDecision::Drives(home, unknown) => (home, Some(unknown)),
+            ReturnDecision::StepsAside(home, corners) => {
+                let to = corners.last().copied().unwrap_or(pose.at);
+                out.push(Out::MissionEvent(MissionEvent::StepsAside(to)));
+                self.pilot.take_route(pose.at, &corners, RouteRoom::Kept);
+                (home, None)
+            }
+        };
+        self.terrain.note_standing_peers(claims);
+        if let Some(unknown) = unknown {
+            self.pilot.go_home(now, pose, &self.terrain, unknown);
+        }
+        if home.is_under_way() {
+            self.plan.leave();
+        }
+        self.goal = Goal::Returning(home);
+    }
+
+    /// Returns a way to where the vehicle stands in the way of none of the peers that stand, the `times`-th time in a row.
+    fn way_aside(
+        &self,
+        now: Time,
+        search: &PathSearch<'_>,
+        claims: &[Vec<Point>],
+        times: u32,
+    ) -> Option<Vec<Point>> {
+        let separation_m = self.settings.swarm.separation_m;
+        let ways = ways_of_peers(&self.peers, now, search, separation_m);
+        let grid = search.ground(None, Resolution::Parts, false, claims)?;
+        // From there it must get home when the others are where they go.
+        let goals: Vec<Vec<Point>> = Bound::all(&self.peers, now)
+            .map(|bound| vec![bound.to])
+            .collect();
+        let home = self.settings.home;
+        let then = search.ground(Some(home), Resolution::Parts, true, &goals)?;
+        let nodes = then.lattice();
+        let leads_home = Component::around(&then, nodes.cell_at(home), &RULES);
+        let may_stand = |place: Point| leads_home.contains(nodes.cell_at(place));
+        let enough_m = enough_m(&ways, times);
+        way_aside(&grid, search.from(), &ways, enough_m, may_stand)
+    }
+
+    fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        if self.state.is_none() {
+            return;
+        }
+        self.drive(now, out);
+        let is_there = self.pilot.way().is_empty();
+        if is_there && self.seems_home() {
+            self.goal = Goal::Home(home.by);
+            out.push(Out::MissionEvent(MissionEvent::Home));
+        } else if is_there || self.pilot.is_refused() {
+            // What it has driven beside its home may lie on the far side of that.
+            self.step_back(now, |returning| returning.after_refused_paths());
+        }
+    }
+
+    /// Returns whether others that go home cannot get there once this vehicle is at home, or as it stands.
+    fn bars_on_their_way_home(&self, now: Time, search: &PathSearch<'_>) -> Bars {
+        let (own, home, at) = (self.settings.vehicle, self.settings.home, search.from());
+        let mut first = who_goes_first(&self.peers, now, search, home);
+        first.retain(|bound| bound.peer.goes_home());
+        let is_barred_too = |bound: &&Bound<'_>| search.is_barred_for((at, home), bound.to);
+        let barring: Vec<&Bound<'_>> = first.iter().filter(is_barred_too).collect();
+        if first.iter().any(|bound| bound.is_barred(search, at)) {
+            Bars::Here
+        } else if barring.iter().any(|bound| own < bound.id) {
+            Bars::EachOther
+        } else if first.is_empty() {
+            Bars::Nobody
+        } else {
+            Bars::AtHome
+        }
+    }
+
+    /// Something is in the way on the way aside: the vehicle has come far enough.
+    pub(super) fn end_way_aside(&mut self) {
+        if let Some(state) = self.state.as_ref().filter(|_| self.pilot.drives_route()) {
+            self.pilot.give_up(state.pose.at);
+        }
+    }
+
+    fn returning(&self, now: Time, home: Return) -> Returning<'_> {
+        Returning {
+            now,
+            own: self.settings.vehicle,
+            peers: &self.peers,
+            home,
+        }
+    }
+
+    /// Lets others have their turn, if it returns and they are to have it.
+    pub(super) fn step_back(
+        &mut self,
+        now: Time,
+        back: impl FnOnce(Returning<'_>) -> Option<Return>,
+    ) {
+        if let Goal::Returning(home) = self.goal
+            && let Some(home) = back(self.returning(now, home))
+        {
+            self.goal = Goal::Returning(home);
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! What a vehicle does whose mission has ended: it goes home, where it stands in nobody's way; and where it does, it makes
+//! room.
+
+use std::time::Duration;
+
+use super::{Destination, Phase, RunnerContext, StepRunner};
+use crate::node::mission::aside::{Bound, ways_of_peers, who_goes_first};
+use crate::node::mission::home::HOME_M;
+
+/// Who is at home after its mission looks this often whether it bars somebody's way.
+const LOOK_FOR_ROOM: Duration = Duration::from_secs(10);
+/// So many waits for peers in a row on the way home, and the return in order is waited for.
+const HOME_WAITS_MAX: u32 = 80;
+/// Who is at rest for its mission is over makes room for a peer that has stood for so long on its way.
+const ROOM_AFTER: Duration = Duration::from_secs(20);
+
+impl StepRunner {
+    /// The mission has ended: the vehicle goes home over what is known, or else over what nobody has seen, since peers may
+    /// have to pass where it stands; if it cannot it stays until it is sent.
+    pub(super) fn head_home(&mut self, scene: &mut RunnerContext<'_>) {
+        let (pose, home) = (scene.pose(), self.settings.home);
+        if home.distance_to(pose.at) <= HOME_M || self.tries.are_spent() {
+            self.phase = Phase::Over;
+            return;
+        }
+        let may_wait = self.yields.in_a_row() < HOME_WAITS_MAX;
+        if may_wait && self.lets_others_first(scene) {
+            return self.yield_to_peers(scene);
+        }
+        let claims = scene.surroundings().claims();
+        let courses = self.courses(scene);
+        let course = [false, true]
+            .into_iter()
+            .find_map(|unknown_allowed| courses.course_to(home, unknown_allowed, &claims).ok());
+        match course {
+            Some(course) => self.drive(scene, &course, Destination::Home),
+            None if may_wait => self.yield_to_peers(scene),
+            None => self.phase = Phase::Over,
+        }
+    }
+
+    /// Makes room for a peer that stands and waits, although nothing is left to be done here but to stand. One whose motors are off
+    /// stays: people may be near.
+    pub(super) fn make_room(&mut self, scene: &mut RunnerContext<'_>) {
+        if scene.now < self.room_at || !scene.state.is_armed {
+            return;
+        }
+        self.room_at = scene.now + LOOK_FOR_ROOM;
+        let search = scene.terrain.search(scene.now, scene.pose());
+        let is_waiting = |bound: &Bound<'_>| {
+            bound.peer.resting && scene.now.since(bound.peer.moved_at) >= ROOM_AFTER
+        };
+        let mut waiting = Bound::all(scene.peers, scene.now).filter(is_waiting);
+        if !waiting.any(|bound| bound.is_barred(&search, scene.pose().at)) {
+            return;
+        }
+        let separation_m = self.settings.swarm.separation_m;
+        let ways = ways_of_peers(scene.peers, scene.now, &search, separation_m);
+        if let Some(course) = self.course_aside(scene, &ways) {
+            self.step_aside(scene, &course);
+        }
+    }
+
+    /// Returns whether peers cannot get where they go once this vehicle is at home.
+    fn lets_others_first(&self, scene: &RunnerContext<'_>) -> bool {
+        let search = scene.terrain.search(scene.now, scene.pose());
+        !who_goes_first(scene.peers, scene.now, &search, self.settings.home).is_empty()
+    }
+}
