@@ -116,6 +116,17 @@ impl Scenario {
         Ok(self.scene(&self.persons)?)
     }
 
+    /// Returns the scene with those persons who are where they are all the time: nobody walks, and nobody enters after an
+    /// empty sweep.
+    ///
+    /// # Errors
+    /// The scene cannot be built.
+    pub fn lasting(&self) -> Result<Scene, ScenarioError> {
+        let stays = |person: &&Person| !self.sim.empty_sweep && person.path.is_empty();
+        let persons: Vec<Person> = self.persons.iter().filter(stays).cloned().collect();
+        Ok(self.scene(&persons)?)
+    }
+
     /// Returns what the operator of this scenario does.
     pub fn operator_steps(&self) -> Vec<ScriptStep> {
         operator_script::steps(&self.sim)

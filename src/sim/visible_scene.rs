@@ -26,6 +26,8 @@ const MAP_CELLS: f64 = 0.75;
 pub struct VisibleScene {
     /// What stands there.
     pub scene: Scene,
+    /// What of it stands there all the time: without persons who enter later, or walk.
+    pub lasting: Scene,
     /// The sensor.
     pub sight: SensorView,
     /// Radius of a vehicle's body, and the heights between which it can touch, metres.
@@ -66,6 +68,7 @@ impl VisibleScene {
         let visible = Visible::find(&scene, lattice, &reachable, &sight);
         Ok(VisibleScene {
             scene,
+            lasting: scenario.lasting()?,
             sight,
             body: (room.body_m, room.low_m, room.high_m),
             reachable,

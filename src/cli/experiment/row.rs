@@ -172,7 +172,7 @@ impl RunRow {
             path_m: tracks()
                 .map(length_m)
                 .fold(0.0, |sum, length_m| sum + length_m),
-            clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks()),
+            clearance_m: visible::least_clearance_m(&seen.lasting, seen.body, tracks()),
             persons: persons_when(is_searched),
             persons_found: persons_found.count(),
             false_finds: found.len() - errors_m.len(),

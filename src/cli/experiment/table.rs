@@ -41,10 +41,10 @@ what the ground station and all vehicles whose software runs know together, whoe
 surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the same of what was in
 range along the driven tracks. places: places to visit that a vehicle can get to by the truth of the scene, of all runs
 together; visited: share of them that was visited; false: how many of them were called places to which
-no way leads. clear: least distance between a body and an object. collided, fence: runs with a contact, with a command
-over the fence. found: persons found within 1 m, each by a find of its own, of all who were searched for in the change since
-an empty sweep; nobody: finds that are none of them; off: how far off the places of those found are, the mean over runs of the
-root mean square; unsought: persons who were to be searched for in a sweep that was given up before that.
+no way leads. clear: least distance between a body and an object, persons who walk or enter later not among these. collided,
+fence: runs with a contact, with a command over the fence. found: persons found within 1 m, each by a find of its own, of
+all who were searched for in the change since an empty sweep; nobody: finds that are none of them; off: how far off the
+places of those found are, the mean over runs of the root mean square; unsought: persons who were to be searched for in a sweep that was given up before that.
 ";
 
 /// Returns the table of some runs in grid order, grouped by axes.

@@ -78,6 +78,23 @@ fn a_person_stands_in_the_way_and_is_seen() {
 }
 
 #[test]
+fn who_walks_is_not_among_what_stands_all_the_time() {
+    let person = "[[person]]\nat_m = [4.1, 2.0]\nradius_m = 0.3\n";
+    let clear_m = |person: &str| {
+        let seen = found(1.6, person, "");
+        let here = Point::new(4.1, 2.0);
+        (
+            seen.lasting.clearance_m(here, 0.1, 0.5),
+            seen.scene.clearance_m(here, 0.1, 0.5),
+        )
+    };
+    let (lasting_m, all_m) = clear_m(person);
+    assert!(lasting_m <= 0.0 && all_m <= 0.0, "it stands: {lasting_m}");
+    let (lasting_m, all_m) = clear_m(&format!("{person}path_m = [[4.1, 2.4]]\nspeed_mps = 0.5\n"));
+    assert!(lasting_m > 0.5 && all_m <= 0.0, "it walks: {lasting_m}");
+}
+
+#[test]
 fn only_places_that_their_own_vehicle_can_get_to_count() {
     use PlaceFate::{GivenUp, NoWay, NotTried, Visited};
     let results = [
