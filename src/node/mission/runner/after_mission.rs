@@ -39,10 +39,11 @@ impl StepRunner {
         }
     }
 
-    /// Makes room for a peer that stands and waits, although nothing is left to be done here but to stand. One whose motors are off
-    /// stays: people may be near.
+    /// At its home, makes room for a peer that stands and waits, although nothing is left to be done but to stand. One whose
+    /// motors are off stays: people may be near.
     pub(super) fn make_room(&mut self, scene: &mut RunnerContext<'_>) {
-        if scene.now < self.room_at || !scene.state.is_armed {
+        let is_home = self.settings.home.distance_to(scene.pose().at) <= HOME_M;
+        if scene.now < self.room_at || !scene.state.is_armed || !is_home {
             return;
         }
         self.room_at = scene.now + LOOK_FOR_ROOM;
@@ -57,6 +58,10 @@ impl StepRunner {
         let separation_m = self.settings.swarm.separation_m;
         let ways = ways_of_peers(scene.peers, scene.now, &search, separation_m);
         if let Some(course) = self.course_aside(scene, &ways) {
+            // It has stood here for long, and waited on its way before: neither counts for what begins now.
+            self.progress.get_on(scene.now);
+            self.yields.end();
+            self.tries.clear();
             self.step_aside(scene, &course);
         }
     }
