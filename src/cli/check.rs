@@ -15,7 +15,7 @@ use super::load;
 use super::read;
 use super::scenario_warnings;
 use super::true_places::{self, TruePlaces, read_places};
-use crate::config::{self, Config, SceneFile, Up};
+use crate::config::{self, Config, SceneFile, Up, bundled};
 use crate::scene::VrmlScene;
 use crate::sim::staging;
 
@@ -31,7 +31,7 @@ const NAMES_SHOWN: usize = 30;
 #[command(after_help = AFTER_HELP)]
 pub struct CheckArgs {
     /// Files to check, or - for a configuration from standard input: .toml (venue, scene, sim, vehicle, ground, operator,
-    /// experiment), .wrl (shapes), .csv (links, samples, marks) and .json (recordings)
+    /// experiment), .wrl (shapes), .csv (links, samples, marks) and .json (recordings); or a bundled simulation by name
     #[arg(required_unless_present = "keys", value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Print the tables of all keys, as they stand in configs/README.md
@@ -155,20 +155,30 @@ fn kind_of(path: &Path) -> Result<Kind, CliError> {
 
 fn understand(path: &Path) -> Result<String, CliError> {
     if path == Path::new(read::STANDARD_INPUT) {
-        return understand_config(path, &read::standard_input()?);
+        return understand_config(path, &read::standard_input()?, &mut read::around(path));
+    }
+    if let Some(example) = load::bundled_one(Some(path)) {
+        let text = bundled::load(example).unwrap_or_default();
+        return understand_config(Path::new(example), &text, &mut |name| bundled::load(name));
+    }
+    if let Some(wrong) = load::no_such_name(path) {
+        return Err(wrong);
     }
     let kind = kind_of(path)?;
     read::check_regular(path)?;
     match kind {
-        Kind::Config => understand_config(path, &read::text(path)?),
+        Kind::Config => understand_config(path, &read::text(path)?, &mut read::around(path)),
         Kind::Shapes => understand_shapes(path),
         Kind::Recording => understand_recording(path),
     }
 }
 
 /// Reads a configuration; a simulation also as far as it can be told without running it.
-fn understand_config(path: &Path, text: &str) -> Result<String, CliError> {
-    let loader = &mut read::around(path);
+fn understand_config(
+    path: &Path,
+    text: &str,
+    loader: &mut config::Loader<'_>,
+) -> Result<String, CliError> {
     let config = config::read(&read::shown(path), text, loader)?;
     let mut shapes_said = Vec::new();
     match &config {
@@ -357,6 +367,29 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} is missing in:\n{text}");
         }
+    }
+
+    #[test]
+    fn bundled_simulations_are_checked_by_name_and_other_names_are_refused() {
+        let (text, result) = run(&["house"]);
+        assert!(result.is_ok() && text.contains("scene house"), "{text}");
+        let (_, result) = run(&["castel"]);
+        let refused = result.unwrap_err().to_string();
+        assert!(refused.contains("did you mean castle?"), "{refused}");
+    }
+
+    #[test]
+    fn of_what_is_no_toml_at_all_a_few_lines_are_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let check = |lines: usize, listed: usize, last: &str| {
+            std::fs::write(&path, "1.0,2.0,3\n".repeat(lines)).unwrap();
+            let refused = run(&[path.to_str().unwrap()]).1.unwrap_err().to_string();
+            assert_eq!(refused.lines().count(), listed, "{refused}");
+            assert!(refused.ends_with(last), "{refused}");
+        };
+        check(200, 6, "a.toml:6: no valid TOML, nor are 194 lines below");
+        check(6, 6, "a.toml:6: no valid TOML");
     }
 
     #[test]

@@ -9,6 +9,14 @@ use std::str::FromStr;
 use super::recording::{FARTHEST_M, RecordingError, quoted, wrong};
 use crate::geom::Point;
 
+/// Returns what was found in a file without a line that counts.
+pub(super) fn nothing_in(text: &str) -> &'static str {
+    match text.trim().is_empty() {
+        true => "an empty file",
+        false => "nothing but comments",
+    }
+}
+
 /// The names of the columns.
 pub(super) struct CsvHeader<'a> {
     number: usize,

@@ -5,6 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::image::ImageError;
+use super::stop::STOPPED;
 use crate::config::Problems;
 
 /// Why a command did not do what it was asked.
@@ -63,6 +64,9 @@ pub enum CliError {
     /// The mission did not reach its end.
     #[error("the mission failed: {0}")]
     Mission(String),
+    /// Somebody has asked for the end before there was one.
+    #[error("{0}")]
+    Stopped(String),
     /// The swarm is not as it was asked for.
     #[error("{0}")]
     Swarm(String),
@@ -78,6 +82,14 @@ pub enum CliError {
 }
 
 impl CliError {
+    /// Makes the error of a run that did not end well, as its report says why.
+    pub(super) fn of_run(reason: String) -> CliError {
+        match reason == STOPPED {
+            true => CliError::Stopped(reason),
+            false => CliError::Mission(reason),
+        }
+    }
+
     /// Makes the error of an answer that cannot be written.
     pub fn stdout(source: io::Error) -> CliError {
         CliError::Write {
@@ -90,6 +102,7 @@ impl CliError {
     pub fn exit_code(&self) -> u8 {
         match self {
             CliError::Mission(_)
+            | CliError::Stopped(_)
             | CliError::Swarm(_)
             | CliError::Differs(_)
             | CliError::NotNow(_)
@@ -160,6 +173,8 @@ mod tests {
             "the mission failed: time is up",
             1,
         );
+        let stopped = CliError::Stopped("it was asked to stop".to_owned());
+        check(stopped, "it was asked to stop", 1);
         let several = vec![
             CliError::Usage("one".to_owned()),
             CliError::Usage("two".to_owned()),

@@ -230,7 +230,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 fn judge(experiment: &Experiment, rows: &[RunRow]) -> Result<(), CliError> {
     let (done, runs) = (rows.len(), experiment.runs());
     if done < runs {
-        return Err(CliError::Mission(format!(
+        return Err(CliError::Stopped(format!(
             "it was asked to stop after {done} of {runs} runs; the same command goes on"
         )));
     }

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::csv::numbered;
+use super::csv::{nothing_in, numbered};
 use super::recording::{FARTHEST_M, RecordingError, STRENGTH_DBM, wrong};
 use crate::geom::Point;
 use crate::tomo::Link;
@@ -46,7 +46,7 @@ impl NodePlaces {
         let mut lines = numbered(text);
         let header = lines.next();
         if header.map(|(_, line)| line.replace(' ', "")) != Some(NODES_HEADER.to_owned()) {
-            let (line, found) = header.unwrap_or((1, "an empty file"));
+            let (line, found) = header.unwrap_or((1, nothing_in(text)));
             return Err(wrong(
                 format!("{line}: "),
                 found,
@@ -104,7 +104,7 @@ impl NodePlaces {
             });
         }
         if rounds.is_empty() {
-            return Err(wrong("1: ".into(), "an empty file", self.expected_line()));
+            return Err(wrong("1: ".into(), nothing_in(text), self.expected_line()));
         }
         spread_within_seconds(&mut rounds);
         Ok(rounds)

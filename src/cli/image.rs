@@ -117,8 +117,8 @@ pub struct ImageCommand {
     #[arg(long, value_name = "FILE", conflicts_with = "layers")]
     pub marks: Option<PathBuf>,
     /// Most peaks that are listed [default: as the recording says, else 5]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub peaks: Option<usize>,
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=10_000))]
+    pub peaks: Option<u16>,
     /// How many places where nobody stands may be found in an image of a change, on the mean, 0.000001 to 1 [default: as
     /// the recording says, else 0.02]
     #[arg(long, value_name = "RATE", value_parser = parse_rate, allow_negative_numbers = true)]

@@ -40,7 +40,7 @@ impl ImageCommand {
             settings.weights = weights.model(&settings, width_m);
         }
         if let Some(limit) = self.peaks {
-            settings.peaks.limit = limit;
+            settings.peaks.limit = usize::from(limit);
         }
         if let Some(rate) = self.false_finds {
             settings.finds.false_per_image = rate;

@@ -21,7 +21,7 @@ use super::pictures;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::standard_output::complain;
-use super::stop::StopFlag;
+use super::stop::{STOPPED, StopFlag};
 use crate::config::{Expect, Topology};
 use crate::geom::Point;
 use crate::run::link::WorldControl;
@@ -181,10 +181,7 @@ impl Swarm {
                 ScenarioStatus::Failed(reason) => break Some(reason),
             }
             if stop.is_asked() {
-                break Some(
-                    "it was asked to stop; the folder holds what was measured until then"
-                        .to_owned(),
-                );
+                break Some(STOPPED.to_owned());
             }
             let now = started.elapsed();
             let since_start = Time::ZERO + now;

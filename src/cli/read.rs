@@ -159,6 +159,7 @@ fn reason_of(error: CliError) -> String {
         | CliError::Image(_)
         | CliError::Write { .. }
         | CliError::Mission(_)
+        | CliError::Stopped(_)
         | CliError::Swarm(_)
         | CliError::Differs(_)
         | CliError::NotNow(_)

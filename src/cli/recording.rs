@@ -253,7 +253,7 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let mut lines = csv::numbered(text);
     let imaging = read_comments(text)?;
     let Some((number, line)) = lines.next() else {
-        return Err(wrong("1: ".into(), "an empty file", CSV_HEADER));
+        return Err(wrong("1: ".into(), csv::nothing_in(text), CSV_HEADER));
     };
     let of_links = format!("{LINKS_HEADER},{MISSED_POWER},{}", HEIGHTS.join(","));
     let is_of_links = |name: &str| csv::names(&of_links).any(|known| known == name);

@@ -127,6 +127,7 @@ impl SceneArgs {
             .and_then(|ending| ending.to_str())
             .unwrap_or_default();
         if ending.eq_ignore_ascii_case("wrl") {
+            self.refuse_seed()?;
             return self.shapes_alone(self.up.unwrap_or(config::Up::Z));
         }
         if self.up.is_some() {
@@ -146,6 +147,7 @@ impl SceneArgs {
         };
         match config::read(&read::shown(&self.file), &text, loader)? {
             Config::Scene(file) => {
+                self.refuse_seed()?;
                 let shapes = load::shapes_of(&file, loader)?;
                 let persons = file.persons.iter().map(staging::person).collect();
                 let name = file.name.clone();
@@ -162,6 +164,14 @@ impl SceneArgs {
             Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => Err(refused(
                 "is the file of a node; expected a scene, a simulation or shapes (.wrl)",
             )),
+        }
+    }
+
+    fn refuse_seed(&self) -> Result<(), CliError> {
+        let wrong = "--seed is for a simulation, which places persons by it; a scene says itself where they stand";
+        match self.seed {
+            None => Ok(()),
+            Some(_) => Err(CliError::Usage(wrong.to_owned())),
         }
     }
 
@@ -343,6 +353,10 @@ mod tests {
         turned.up = Some(config::Up::Y);
         let said = run(&turned).unwrap_err().to_string();
         assert!(said.contains("a scene file says `up` itself"), "{said}");
+        let mut seeded = args(&bundled("scenes/castle.scene.toml"), &out);
+        seeded.seed = Some(3);
+        let said = run(&seeded).unwrap_err().to_string();
+        assert!(said.contains("--seed is for a simulation"), "{said}");
         let said = run(&args(Path::new("castel"), &out))
             .unwrap_err()
             .to_string();

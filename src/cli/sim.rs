@@ -17,7 +17,7 @@ use super::pictures::write_pictures;
 use super::report::{FAMILY, RunFigures, failure, write_data};
 use super::scenario_warnings;
 use super::standard_output::complain;
-use super::stop::StopFlag;
+use super::stop::{STOPPED, StopFlag};
 use super::trials;
 use super::watch::{self, Watching};
 use crate::config::{SEEDS, UNTIL_S};
@@ -93,7 +93,7 @@ pub struct SimArgs {
         long,
         value_name = "N",
         allow_negative_numbers = true,
-        value_parser = clap::value_parser!(u64).range(1..),
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000_000),
         conflicts_with_all = ["out", "no_pictures"]
     )]
     pub trials: Option<u64>,
@@ -350,7 +350,7 @@ pub(super) fn publish(
         path: "standard output".into(),
         source,
     })?;
-    failure(scenario, outcome).map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+    failure(scenario, outcome).map_or(Ok(()), |reason| Err(CliError::of_run(reason)))
 }
 
 /// Reads a seed, as the files allow it.
@@ -410,8 +410,7 @@ pub(super) fn watched(
     drop(watching);
     if is_stopped {
         outcome.finished = false;
-        outcome.failure =
-            Some("it was asked to stop; the folder holds what was measured until then".to_owned());
+        outcome.failure = Some(STOPPED.to_owned());
     }
     Ok(outcome)
 }

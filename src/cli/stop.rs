@@ -10,6 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+/// How a run has ended that was stopped: what its report says, and then the command.
+pub(super) const STOPPED: &str =
+    "it was asked to stop; the folder holds what was measured until then";
+
 /// Exit code of a program that was ended at once, as shells have it for SIGINT.
 const ENDED_AT_ONCE: i32 = 130;
 

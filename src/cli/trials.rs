@@ -165,7 +165,13 @@ pub(super) fn run(
     let first_failure = trials
         .iter()
         .find_map(|(seed, trial)| Some(format!("seed {seed}: {}", trial.failure.as_ref()?)));
-    broken(&counts, count, is_search_judged, first_failure)
+    if (counts.run as u64) < count {
+        let run = counts.run;
+        return Err(CliError::Stopped(format!(
+            "it was asked to stop after {run} of {count} seeds"
+        )));
+    }
+    broken(&counts, is_search_judged, first_failure)
         .map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
@@ -229,19 +235,13 @@ fn unwritten(source: io::Error) -> CliError {
     }
 }
 
-/// Returns why the trials of `wanted` seeds have failed, if they have; `first_failure` says of which seed, and why.
+/// Returns why the trials have failed, if they have; `first_failure` says of which seed, and why.
 fn broken(
     counts: &TrialCounts,
-    wanted: u64,
     is_search_judged: bool,
     first_failure: Option<String>,
 ) -> Option<String> {
     let run = counts.run;
-    if (run as u64) < wanted {
-        return Some(format!(
-            "it was asked to stop after {run} of {wanted} seeds"
-        ));
-    }
     if let Some(first) = first_failure {
         let failed = run - counts.safe;
         return Some(format!("{failed} of {run} seeds failed; {first}"));
@@ -377,7 +377,7 @@ mod tests {
         let first = trials
             .iter()
             .find_map(|(seed, trial)| Some(format!("seed {seed}: {}", trial.failure.as_ref()?)));
-        let reason = broken(&counts, trials.len() as u64, true, first);
+        let reason = broken(&counts, true, first);
         assert_eq!(reason.as_deref(), expected);
     }
 

@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 use tomoswarm_proto::RunId;
 
-use super::csv::{CsvHeader, numbered};
+use super::csv::{CsvHeader, nothing_in, numbered};
 use super::recording::{RecordingError, wrong};
 use crate::dash::run_files::MARKS_HEADER;
 use crate::draw::Overlay;
@@ -47,7 +47,7 @@ fn columns_of(number: usize, line: &str) -> Result<(CsvHeader<'_>, [usize; 2]), 
 pub(super) fn read_places(text: &str) -> Result<TruePlaces, RecordingError> {
     let mut lines = numbered(text);
     let Some((number, line)) = lines.next() else {
-        return Err(wrong("1: ".into(), "an empty file", EXPECTED));
+        return Err(wrong("1: ".into(), nothing_in(text), EXPECTED));
     };
     let (header, columns) = columns_of(number, line)?;
     let of_run = header.column("run");

@@ -18,6 +18,8 @@ const LIMIT_BYTES: usize = 1 << 20;
 const SHOWN_CHARS: usize = 40;
 /// What the reader of TOML says of a key that stands twice; the key itself is the span of the error.
 const DUPLICATE: &str = "duplicate key";
+/// So many lines that are no TOML are listed; of what is no TOML at all, each one would be.
+const SYNTAX_MAX: usize = 5;
 
 /// Why a problem was noted; decides what is still worth saying when the syntax is broken.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -150,14 +152,17 @@ impl<'t> Source<'t> {
     /// Parses a text whose places are those of the whole.
     fn parse_part(&self, part: &'t str) -> Spanned<DeTable<'t>> {
         let (tree, errors) = DeTable::parse_recoverable(part);
-        let mut last_line = 0;
+        let mut lines = Vec::new();
         for error in errors {
             let line = self.line_of(error.span().unwrap_or(0..0));
             // What follows on the same line is mostly a consequence.
-            if line == last_line {
+            if lines.last() == Some(&line) {
                 continue;
             }
-            last_line = line;
+            lines.push(line);
+            if lines.len() > SYNTAX_MAX {
+                continue;
+            }
             let message = error.message().lines().collect::<Vec<_>>().join(", ");
             let key = error.span().and_then(|span| part.get(span));
             let (wrong, allowed) = match key.filter(|_| message == DUPLICATE) {
@@ -166,6 +171,13 @@ impl<'t> Source<'t> {
             };
             let wrong = format!("no valid TOML: {wrong}");
             self.note(ProblemClass::Syntax, line, "", "", &wrong, allowed);
+        }
+        if let [first, others @ ..] = lines.get(SYNTAX_MAX..).unwrap_or_default() {
+            let wrong = match others.len() {
+                0 => "no valid TOML".to_owned(),
+                more => format!("no valid TOML, nor are {more} lines below"),
+            };
+            self.note(ProblemClass::Syntax, *first, "", "", &wrong, "");
         }
         tree
     }

@@ -489,7 +489,7 @@ impl Actor for Mission {
             In::Plan(plan) => self.take_plan(now, &plan, out),
             In::Task(task) => self.take_task(now, &task, out),
             In::Progress(progress) => self.hear(now, &progress, out),
-            In::PeerMission(mission) => self.peers.note_goal(&mission),
+            In::PeerMission(mission) => self.peers.note_goal(now, &mission),
             In::Sighted(sighting) => {
                 self.peers.sight(now, &sighting);
                 self.autonomy.heard_radio(now);

@@ -38,6 +38,8 @@ const MOVED_M: f64 = 0.25;
 const TURNED_RAD: f64 = 0.15;
 /// By radio a vehicle rests when it has not moved for this long.
 const RESTS_AFTER: Duration = Duration::from_millis(1500);
+/// Where a vehicle is going is told every second; what was told longer ago than this counts no more.
+const GOAL_FOR: Duration = Duration::from_secs(5);
 
 /// One other vehicle, by what was heard of it last.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,8 +72,8 @@ pub(super) struct Peer {
     pub moved_at: Time,
     /// When a ground station said last that it expects it.
     expected_at: Option<Time>,
-    /// Where it said last that it is going.
-    pub goal: Option<PeerGoal>,
+    /// Where it said last that it is going, and when.
+    told: Option<(Time, PeerGoal)>,
 }
 
 /// Where a peer is going.
@@ -81,6 +83,8 @@ pub(super) struct PeerGoal {
     pub at: Point,
     /// Its mission leads there; otherwise it goes home.
     pub is_of_mission: bool,
+    /// It stands, or is aside, until others make room for it.
+    pub waits: bool,
 }
 
 impl Peer {
@@ -89,9 +93,17 @@ impl Peer {
         now.since(self.heard_at) > SILENT_AFTER
     }
 
-    /// Returns whether it said that it is on its way home.
-    pub(super) fn goes_home(&self) -> bool {
-        self.goal.is_some_and(|goal| !goal.is_of_mission)
+    /// Returns where it is going, as it said lately. One that has fallen silent, does not know its place or is steered by somebody
+    /// else goes nowhere that anybody knows of.
+    pub(super) fn goal(&self, now: Time) -> Option<PeerGoal> {
+        let goes = !self.is_silent(now) && !self.is_lost && !self.is_steered;
+        let (told_at, goal) = self.told.filter(|_| goes)?;
+        (now.since(told_at) <= GOAL_FOR).then_some(goal)
+    }
+
+    /// Returns whether it is on its way home.
+    pub(super) fn goes_home(&self, now: Time) -> bool {
+        self.goal(now).is_some_and(|goal| !goal.is_of_mission)
     }
 
     /// Returns whether it is an obstacle that does not move: it rests, or nothing is heard of it.
@@ -178,9 +190,9 @@ impl Peers {
             is_lost,
             moved_at,
             expected_at: known.and_then(|known| known.expected_at),
-            goal: known
+            told: known
                 .filter(|known| known.edition.0 == state.boot)
-                .and_then(|known| known.goal),
+                .and_then(|known| known.told),
         };
         self.newest.insert(state.vehicle, peer);
     }
@@ -204,16 +216,20 @@ impl Peers {
 
     /// Takes where a vehicle says that it is going; of one that was never placed, and of another start of it than is known,
     /// nothing is taken.
-    pub(super) fn note_goal(&mut self, said: &MissionProgress) {
+    pub(super) fn note_goal(&mut self, now: Time, said: &MissionProgress) {
         let known = self
             .newest
             .get_mut(&said.vehicle)
             .filter(|peer| peer.edition.0 == said.boot);
         if let Some(peer) = known {
-            peer.goal = said.goal.map(|at| PeerGoal {
+            // One that is held goes nowhere until somebody lets it.
+            let goal = said.goal.filter(|_| said.phase != MissionPhase::Held);
+            let goal = goal.map(|at| PeerGoal {
                 at: at.into(),
                 is_of_mission: said.end.is_none() && said.phase != MissionPhase::Returning,
+                waits: said.phase == MissionPhase::Yielding,
             });
+            peer.told = goal.map(|goal| (now, goal));
         }
     }
 
@@ -244,7 +260,7 @@ impl Peers {
                 .newest
                 .get(&vehicle)
                 .and_then(|known| known.expected_at),
-            goal: None,
+            told: None,
         };
         let peer = self
             .newest
@@ -407,14 +423,15 @@ mod tests {
     fn where_a_peer_goes_is_what_its_present_start_said_last() {
         let mut peers = Peers::new(VehicleId(1));
         let says = |peers: &mut Peers, boot: u32, x_m: Option<f64>, phase: MissionPhase| {
-            peers.note_goal(&MissionProgress {
+            let said = MissionProgress {
                 vehicle: VehicleId(2),
                 boot: Boot(boot),
                 goal: x_m.map(|x_m| Point::new(x_m, 0.0).into()),
                 phase,
                 ..MissionProgress::default()
-            });
-            let peer = peers.get(VehicleId(2)).and_then(|peer| peer.goal);
+            };
+            peers.note_goal(at(1.0), &said);
+            let peer = peers.get(VehicleId(2)).and_then(|peer| peer.goal(at(1.0)));
             peer.map(|goal| (goal.at.x_m, goal.is_of_mission))
         };
         let going = MissionPhase::Going;
@@ -431,13 +448,46 @@ mod tests {
         let home = says(&mut peers, 1, Some(0.0), MissionPhase::Returning);
         assert_eq!(home, Some((0.0, false)));
         assert_eq!(says(&mut peers, 1, None, going), None);
+        let held = says(&mut peers, 1, Some(5.0), MissionPhase::Held);
+        assert_eq!(held, None, "until somebody lets it");
         says(&mut peers, 1, Some(5.0), going);
         let restarted = State {
             boot: Boot(2),
             ..state(2, 3.1, 0.0)
         };
         peers.take(at(2.0), &restarted);
-        assert_eq!(peers.get(VehicleId(2)).unwrap().goal, None);
+        assert_eq!(peers.get(VehicleId(2)).unwrap().goal(at(2.0)), None);
+    }
+
+    #[test]
+    fn where_a_peer_goes_counts_while_it_tells_it_again_knows_its_place_and_steers_itself() {
+        let told = |now_s: f64, control: Control, stands_under: Option<StandReason>| {
+            let mut peers = Peers::new(VehicleId(1));
+            peers.take(at(1.0), &state(2, 3.0, 0.0));
+            let said = MissionProgress {
+                vehicle: VehicleId(2),
+                boot: state(2, 3.0, 0.0).boot,
+                goal: Some(Point::new(5.0, 0.0).into()),
+                phase: MissionPhase::Returning,
+                ..MissionProgress::default()
+            };
+            peers.note_goal(at(1.0), &said);
+            let newer = State {
+                control,
+                is_at_rest: control == Control::Ours,
+                stands_under,
+                sequence: 2,
+                ..state(2, 3.0, 0.0)
+            };
+            peers.take(at(now_s), &newer);
+            let peer = peers.get(VehicleId(2)).unwrap();
+            assert!(peer.goal(at(now_s + 2.1)).is_none(), "it is silent");
+            peer.goes_home(at(now_s))
+        };
+        assert!(told(5.9, Control::Ours, None), "it is told every second");
+        assert!(!told(6.1, Control::Ours, None));
+        assert!(!told(2.0, Control::Remote, None));
+        assert!(!told(2.0, Control::Ours, Some(StandReason::NoPlace)));
     }
 
     #[test]

@@ -85,6 +85,7 @@ fn truncated_empty_and_deep_recordings_are_refused() {
         &["1: ", "an empty file", "expected the header"],
     );
     check("a.json", "", &["1: ", "an empty file", "expected"]);
+    check("a.csv", "# of a sweep\n", &["1: ", "nothing but comments"]);
     check(
         "a.json",
         "{\"packets\": [[1,2,3,true,4,5,true,-50],[1,2",

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use tomoswarm_proto::VehicleId;
 
 use super::home::HOME_M;
-use super::terrain::{PathSearch, RULES};
+use super::terrain::{Ground, PathSearch, RULES};
 use crate::geom::{Cell, Point, Track};
 use crate::node::peers::{Peer, Peers};
 use crate::plan::{Distances, SearchGrid};
@@ -25,6 +25,9 @@ const ROOM_M: f64 = 6.0;
 /// The same from ways that are known, in separations; and so much more for every time that it has stepped aside in a row.
 const ROOM_TO_WAY: f64 = 1.5;
 
+/// Over which ground others go: what is known, if it leads there.
+const GROUNDS: [Ground; 2] = [Ground::Known, Ground::UnknownToo];
+
 /// Where a peer is, and where it wants to go from there: straight, unless its way was searched.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct PeerWay {
@@ -36,7 +39,7 @@ pub(super) struct PeerWay {
 impl PeerWay {
     /// Makes the way of a peer; one that is not heard goes nowhere.
     pub(super) fn of(peer: &Peer, now: Time, separation_m: f64) -> PeerWay {
-        let goal = peer.goal.filter(|_| !peer.is_silent(now));
+        let goal = peer.goal(now);
         PeerWay {
             way: Track::straight(peer.at, goal.map_or(peer.at, |goal| goal.at)),
             is_known: goal.is_some(),
@@ -59,39 +62,77 @@ impl PeerWay {
 }
 
 /// A peer that is going somewhere.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Bound<'a> {
     pub id: VehicleId,
     pub peer: &'a Peer,
     /// Where it goes.
     pub to: Point,
+    /// Where others stand who are where they want to be, or go nowhere that anybody knows of.
+    stay: Vec<Point>,
 }
 
 impl Bound<'_> {
     /// Returns those that are heard, and are not yet where they said that they go.
     pub(super) fn all(peers: &Peers, now: Time) -> impl Iterator<Item = Bound<'_>> {
-        let heard = peers.iter().filter(move |(_, peer)| !peer.is_silent(now));
-        heard.filter_map(|(id, peer)| {
-            let to = peer.goal?.at;
-            (peer.at.distance_to(to) > HOME_M).then_some(Bound { id, peer, to })
+        peers.iter().filter_map(move |(id, peer)| {
+            let to = goes_to(peer, now)?;
+            let stay = |(other, peer): (VehicleId, &Peer)| {
+                let stays = other != id && peer.stands(now) && goes_to(peer, now).is_none();
+                stays.then_some(peer.at)
+            };
+            let stay = peers.iter().filter_map(stay).collect();
+            Some(Bound { id, peer, to, stay })
         })
     }
 
-    /// Returns whether it cannot get there as long as a vehicle stands at a place, and may if none does.
+    /// Returns whether it cannot get there as long as a vehicle stands at a place, and may if none does: over known ground, or, if
+    /// that does not lead there anyway, over what nobody has seen; as the others stand, or, if these bar its way anyway, without
+    /// them.
     pub(super) fn is_barred(&self, search: &PathSearch<'_>, place: Point) -> bool {
-        search.is_barred_for((self.peer.at, self.to), place)
+        is_barred(search, self.ends(), &self.stay, place)
+    }
+
+    /// Returns the way there: past those who stay if there is one, known if there is one.
+    fn way(&self, search: &PathSearch<'_>) -> Option<Track> {
+        let past = |stand: &[Point]| {
+            let mut ways = GROUNDS.into_iter();
+            ways.find_map(|ground| search.way_for(self.ends(), ground, stand))
+        };
+        past(&self.stay).or_else(|| past(&[]))
+    }
+
+    fn ends(&self) -> (Point, Point) {
+        (self.peer.at, self.to)
     }
 }
 
-/// Returns those that cannot get where they go once a vehicle is at its home: they go first.
-pub(super) fn who_goes_first<'a>(
-    peers: &'a Peers,
-    now: Time,
+/// Returns whether a vehicle that stands at a place bars the way between two others, where some others stay; see
+/// [`Bound::is_barred`].
+pub(super) fn is_barred(
     search: &PathSearch<'_>,
-    home: Point,
-) -> Vec<Bound<'a>> {
-    let is_first = |bound: &Bound<'_>| bound.is_barred(search, home);
-    Bound::all(peers, now).filter(is_first).collect()
+    ends: (Point, Point),
+    stay: &[Point],
+    place: Point,
+) -> bool {
+    let all: Vec<Point> = stay.iter().copied().chain([place]).collect();
+    for ground in GROUNDS {
+        let is_open = |stand: &[Point]| search.is_open_for(ends, ground, stand);
+        if is_open(&all) {
+            return false;
+        }
+        let is_barred_alone = || !stay.is_empty() && is_open(&[]) && !is_open(&[place]);
+        if is_open(stay) || is_barred_alone() {
+            return true;
+        }
+    }
+    false
+}
+
+/// Returns where a peer goes that is not there yet.
+fn goes_to(peer: &Peer, now: Time) -> Option<Point> {
+    let to = peer.goal(now)?.at;
+    (peer.at.distance_to(to) > HOME_M).then_some(to)
 }
 
 /// Returns the ways of peers, searched where the map knows one.
@@ -101,7 +142,7 @@ pub(super) fn ways_of_peers(
     search: &PathSearch<'_>,
     separation_m: f64,
 ) -> Vec<PeerWay> {
-    let way = |bound: Bound<'_>| Some((bound.id, search.way_for((bound.peer.at, bound.to))?));
+    let way = |bound: Bound<'_>| Some((bound.id, bound.way(search)?));
     let searched: BTreeMap<VehicleId, Track> = Bound::all(peers, now).filter_map(way).collect();
     let way = |(id, peer): (VehicleId, &Peer)| {
         let straight = PeerWay::of(peer, now, separation_m);

@@ -48,6 +48,8 @@ pub(super) struct Return {
     pub by: GoalSource,
     /// Tries in vain.
     pub tries: u32,
+    /// Since when it lets others go first whom it would bar at home.
+    pub lets_first_since: Option<Time>,
     /// How far it is.
     pub stage: ReturnStage,
 }
@@ -91,6 +93,7 @@ impl Goal {
         Goal::Returning(Return {
             by,
             tries: 0,
+            lets_first_since: None,
             stage: ReturnStage::InQueue(queue),
         })
     }

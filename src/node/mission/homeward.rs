@@ -1,13 +1,13 @@
 //! How a vehicle comes home beside others: it waits for its turn, drives, or steps aside for those whose way it bars. What
 //! becomes of a return is decided by [`super::returning`].
 
-use super::aside::{Bound, enough_m, way_aside, ways_of_peers, who_goes_first};
-use super::goal::{Goal, Return, ReturnQueue, ReturnStage};
+use super::aside::{Bound, enough_m, is_barred, way_aside, ways_of_peers};
+use super::goal::{Goal, GoalSource, Return, ReturnQueue, ReturnStage};
 use super::home::WayHome;
 use super::kind::RouteRoom;
 use super::returning::{Bars, ReturnDecision, Returning};
 use super::terrain::{PathSearch, RULES, Resolution};
-use super::{Mission, MissionEvent, Out};
+use super::{AutonomyCause, Mission, MissionEvent, Out};
 use crate::geom::Point;
 use crate::plan::Component;
 use crate::time::Time;
@@ -36,10 +36,15 @@ impl Mission {
         let search = self.terrain.search(now, state.pose);
         let way_home = WayHome::of(&search, self.settings.home, &claims);
         let pose = state.pose;
-        let bars = self.bars_on_their_way_home(now, &search);
+        let bars = || self.bars_on_their_way_home(now, &search);
         let way_aside = |times: u32| self.way_aside(now, &search, &claims, times);
         let (home, unknown) = match returning.turn(queue, (way_home, bars), way_aside) {
-            ReturnDecision::Waits(home) => (home, None),
+            ReturnDecision::Waits(home) => {
+                if queue.barred_since.is_none() {
+                    out.push(Out::MissionEvent(MissionEvent::WaitsForPeers));
+                }
+                (home, None)
+            }
             ReturnDecision::Drives(home, unknown) => (home, Some(unknown)),
             ReturnDecision::StepsAside(home, corners) => {
                 let to = corners.last().copied().unwrap_or(pose.at);
@@ -69,15 +74,15 @@ impl Mission {
         let separation_m = self.settings.swarm.separation_m;
         let ways = ways_of_peers(&self.peers, now, search, separation_m);
         let grid = search.ground(None, Resolution::Parts, false, claims)?;
-        // From there it must get home when the others are where they go.
-        let goals: Vec<Vec<Point>> = Bound::all(&self.peers, now)
-            .map(|bound| vec![bound.to])
-            .collect();
+        // From there it must get home when those are at home that return as well; where that cannot be, anything is better.
+        let homeward = Bound::all(&self.peers, now).filter(|bound| bound.peer.goes_home(now));
+        let goals: Vec<Vec<Point>> = homeward.map(|bound| vec![bound.to]).collect();
         let home = self.settings.home;
         let then = search.ground(Some(home), Resolution::Parts, true, &goals)?;
         let nodes = then.lattice();
         let leads_home = Component::around(&then, nodes.cell_at(home), &RULES);
-        let may_stand = |place: Point| leads_home.contains(nodes.cell_at(place));
+        let may_stand =
+            |place: Point| leads_home.is_empty() || leads_home.contains(nodes.cell_at(place));
         let enough_m = enough_m(&ways, times);
         way_aside(&grid, search.from(), &ways, enough_m, may_stand)
     }
@@ -100,16 +105,18 @@ impl Mission {
     /// Returns whether others that go home cannot get there once this vehicle is at home, or as it stands.
     fn bars_on_their_way_home(&self, now: Time, search: &PathSearch<'_>) -> Bars {
         let (own, home, at) = (self.settings.vehicle, self.settings.home, search.from());
-        let mut first = who_goes_first(&self.peers, now, search, home);
-        first.retain(|bound| bound.peer.goes_home());
-        let is_barred_too = |bound: &&Bound<'_>| search.is_barred_for((at, home), bound.to);
-        let barring: Vec<&Bound<'_>> = first.iter().filter(is_barred_too).collect();
-        if first.iter().any(|bound| bound.is_barred(search, at)) {
-            Bars::Here
-        } else if barring.iter().any(|bound| own < bound.id) {
-            Bars::EachOther
-        } else if first.is_empty() {
+        let homeward = Bound::all(&self.peers, now).filter(|bound| bound.peer.goes_home(now));
+        let first: Vec<Bound<'_>> = homeward
+            .filter(|bound| bound.is_barred(search, home))
+            .collect();
+        let bars_each_other =
+            |bound: &Bound<'_>| own < bound.id && is_barred(search, (at, home), &[], bound.to);
+        if first.is_empty() {
             Bars::Nobody
+        } else if first.iter().any(|bound| bound.is_barred(search, at)) {
+            Bars::Here
+        } else if first.iter().any(bars_each_other) {
+            Bars::EachOther
         } else {
             Bars::AtHome
         }
@@ -128,6 +135,8 @@ impl Mission {
             own: self.settings.vehicle,
             peers: &self.peers,
             home,
+            is_battery_low: self.autonomy.is_battery_low()
+                || home.by == GoalSource::Itself(AutonomyCause::BatteryLow),
         }
     }
 

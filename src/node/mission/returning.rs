@@ -1,7 +1,9 @@
 //! The way home: one vehicle after the other, lower ids first, as their states or their beacons tell. A vehicle that yields
 //! to a lower id on its way steps back into the line, and so does one that is barred by peers that stand, or that refuses
 //! every path: their turn comes early, and the known way is tried anew after them. Only when nobody moves any more it goes
-//! through the unknown; and when that is in vain it steps aside, since those that bar its way may wait for it.
+//! through the unknown; and when that is in vain it steps aside, since those that bar its way may wait for it. Who would bar
+//! the way of others once it is at home lets them go first, for a while; who bars it where it stands steps aside for them,
+//! although it is at home.
 //!
 //! Here is decided what becomes of a return; a vehicle drives, and its goal changes, in [`super::Mission`].
 
@@ -9,8 +11,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::AutonomyCause;
-use super::goal::{GoalSource, Return, ReturnQueue, ReturnStage};
+use super::goal::{Return, ReturnQueue, ReturnStage};
 use super::home::WayHome;
 use super::pilot::Unknown;
 use crate::geom::Point;
@@ -34,6 +35,8 @@ const TRY_AGAIN: Duration = Duration::from_secs(3);
 const PATIENCE: Duration = Duration::from_secs(15);
 /// Its patience ends after this long, even if they go on moving.
 const PATIENCE_MAX: Duration = Duration::from_secs(300);
+/// Those whom it would bar at home go first for this long in all, however often it tries.
+const LETS_FIRST_MAX: Duration = Duration::from_secs(300);
 /// So many searches in vain, and another vehicle has its turn.
 const FAILURES_MAX: u32 = 6;
 /// Every so many tries the unknown is a resort, although a known way seems to be open.
@@ -45,6 +48,8 @@ pub(super) struct Returning<'a> {
     pub own: VehicleId,
     pub peers: &'a Peers,
     pub home: Return,
+    /// It waits for nobody longer than it must.
+    pub is_battery_low: bool,
 }
 
 /// What a vehicle does whose turn it is.
@@ -78,14 +83,14 @@ impl Returning<'_> {
         let quiet = QUIET * self.lower().count() as u32;
         let mut higher = self.peers.iter().filter(|(id, _)| *id > self.own);
         let higher_stand = higher.all(|(_, peer)| peer.stands(self.now));
-        let (lower_within, higher_within) = match (self.is_battery_low(), queue.has_stepped_back) {
+        let (lower_within, higher_within) = match (self.is_battery_low, queue.has_stepped_back) {
             (true, _) => (HIGHER_WITHIN, HIGHER_WITHIN),
             (false, true) => (LOWER_WITHIN, LATER_HIGHER_WITHIN),
             (false, false) => (LOWER_WITHIN, HIGHER_WITHIN),
         };
         let has_waited = |within: Duration| self.now.since(queue.since) > within;
         let lets_go = |peer: &Peer| {
-            let is_endless = has_waited(lower_within) && !peer.goes_home();
+            let is_endless = has_waited(lower_within) && !peer.goes_home(self.now);
             is_endless || peer.is_quiet(self.now, queue.since, quiet)
         };
         let has_heard =
@@ -97,33 +102,42 @@ impl Returning<'_> {
     }
 
     /// Returns what a vehicle does whose turn it is, as the way home looks, and as it bars the ways of others: these are let go
-    /// first. `way_aside` looks for a place aside, the so many-th time in a row.
+    /// first, as long as it waits for them at all. `way_aside` looks for a place aside, the so many-th time in a row.
     pub(super) fn turn(
         &self,
         queue: &ReturnQueue,
-        (way_home, bars): (WayHome, Bars),
+        (way_home, bars): (WayHome, impl FnOnce() -> Bars),
         way_aside: impl FnOnce(u32) -> Option<Vec<Point>>,
     ) -> ReturnDecision {
         let others_move = self.peers.iter().any(|(_, peer)| !peer.stands(self.now));
-        let presses_on = others_move || self.is_battery_low();
-        let waits = || ReturnDecision::Waits(self.waits_behind_peers(queue));
-        if self.lets_others_first(queue) {
-            match bars {
-                Bars::Nobody => {}
-                Bars::AtHome => return waits(),
-                Bars::Here => return self.steps_aside(way_aside).unwrap_or_else(waits),
-                Bars::EachOther => {
-                    let drives = || self.drives(Unknown::LastResort, presses_on);
-                    return self.steps_aside(way_aside).unwrap_or_else(drives);
-                }
-            }
+        let presses_on = others_move || self.is_battery_low;
+        let bars = match self.lets_others_first() {
+            true => bars(),
+            false => Bars::Nobody,
+        };
+        if bars != Bars::Nobody {
+            let since = self.home.lets_first_since.or(Some(self.now));
+            let home = Return {
+                lets_first_since: since,
+                ..self.home
+            };
+            let lets_first = Returning { home, ..*self };
+            let waits = || ReturnDecision::Waits(lets_first.waits_behind_peers(queue));
+            let drives = || lets_first.drives(Unknown::LastResort, presses_on);
+            return match bars {
+                Bars::Nobody | Bars::AtHome => waits(),
+                Bars::Here => lets_first.steps_aside(way_aside).unwrap_or_else(waits),
+                Bars::EachOther => lets_first.steps_aside(way_aside).unwrap_or_else(drives),
+            };
         }
         match way_home {
             _ if presses_on => self.drives(Unknown::LastResort, presses_on),
             WayHome::Open if self.home.tries % TRIES != TRIES - 1 => {
                 self.drives(Unknown::Barred, presses_on)
             }
-            WayHome::BehindPeers if !self.has_waited(queue) => waits(),
+            WayHome::BehindPeers if !self.has_waited(queue) => {
+                ReturnDecision::Waits(self.waits_behind_peers(queue))
+            }
             WayHome::BehindPeers if self.home.tries % 2 == 1 => self
                 .steps_aside(way_aside)
                 .unwrap_or_else(|| self.drives(Unknown::LastResort, presses_on)),
@@ -134,11 +148,11 @@ impl Returning<'_> {
     }
 
     /// Returns whether it still lets those go first whom it would bar at home.
-    fn lets_others_first(&self, queue: &ReturnQueue) -> bool {
-        let has_waited = |since: Time| self.now.since(since) >= PATIENCE_MAX;
-        !self.is_battery_low()
+    fn lets_others_first(&self) -> bool {
+        let is_over = |since: Time| self.now.since(since) >= LETS_FIRST_MAX;
+        !self.is_battery_low
             && self.home.tries < FAILURES_MAX
-            && !queue.barred_since.is_some_and(has_waited)
+            && !self.home.lets_first_since.is_some_and(is_over)
     }
 
     fn steps_aside(
@@ -184,7 +198,7 @@ impl Returning<'_> {
 
     /// Returns the return after the vehicle has refused whatever path was found, when others have their turn by that.
     pub(super) fn after_refused_paths(&self) -> Option<Return> {
-        (!self.is_battery_low()).then(|| self.tried_in_vain())
+        (!self.is_battery_low).then(|| self.tried_in_vain())
     }
 
     /// Returns the return after a command was refused, or given up, for a peer, when that goes first: a lower id that drives.
@@ -219,11 +233,6 @@ impl Returning<'_> {
         };
         let has_moved = |since: Time| self.peers.iter().any(|(_, peer)| peer.moved_at > since);
         failures >= FAILURES_MAX || (!presses_on && bold_since.is_none_or(has_moved))
-    }
-
-    /// Returns whether the vehicle returns since its battery is low: it waits for nobody longer than it must.
-    fn is_battery_low(&self) -> bool {
-        self.home.by == GoalSource::Itself(AutonomyCause::BatteryLow)
     }
 
     /// Returns whether the peers that bar the way have had time enough.

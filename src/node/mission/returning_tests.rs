@@ -7,6 +7,7 @@ use tomoswarm_proto::TileReport;
 use tomoswarm_proto::{State, TileAddress, VehicleId, VehicleMode};
 
 use super::super::tests_support::{own_state, settings, state};
+use super::terrain::tests::tiles_of;
 use super::tests::{at, fed, order};
 use super::*;
 use crate::geom::Angle;
@@ -24,6 +25,10 @@ const ASIDE: Point = Point {
 const WEST: Point = Point {
     x_m: 0.0,
     y_m: 10.0,
+};
+const WEST_ROOM: Point = Point {
+    x_m: -3.0,
+    y_m: 0.0,
 };
 const EAST: Point = Point {
     x_m: 20.0,
@@ -270,6 +275,60 @@ fn face_to_face_on_the_ring_it_turns_back_and_goes_the_other_way_round() {
         assert!(ring.is_home(), "{ahead_m}: still at {:?}", ring.at);
         assert_eq!(ring.refused, 0, "{ahead_m}");
     }
+}
+
+/// A vehicle at its home in a doorway between two rooms that is sent home, while a peer that is to go home through it stands
+/// east of it; what it says within a while.
+fn sent_home_in_a_doorway(battery: f64) -> Vec<MissionEvent> {
+    let is_wall = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > 1.0;
+    let mut mission = Mission::new(VehicleSettings {
+        home: Point::new(1.2, 0.0),
+        ..settings(1)
+    });
+    for tile in tiles_of(|x_m, y_m| is_wall(x_m, y_m) || y_m.abs() > 4.0) {
+        fed(&mut mission, 0.0, In::Tile(tile.into()));
+    }
+    let mut events = Vec::new();
+    for tenth in 0..200_u32 {
+        let now_s = 0.1 * f64::from(tenth);
+        let sequence = u64::from(tenth);
+        let peer = State {
+            sequence,
+            ..state(2, 4.0, 0.0)
+        };
+        let said = tomoswarm_proto::MissionProgress {
+            vehicle: VehicleId(2),
+            boot: peer.boot,
+            goal: Some(WEST_ROOM.into()),
+            phase: tomoswarm_proto::MissionPhase::Returning,
+            ..tomoswarm_proto::MissionProgress::default()
+        };
+        let own = OwnState {
+            sequence,
+            battery: Some(battery),
+            ..own_state(1.2, 0.0)
+        };
+        let mut out = fed(&mut mission, now_s, In::Peer(peer));
+        out.extend(fed(&mut mission, now_s, In::PeerMission(said)));
+        out.extend(fed(&mut mission, now_s, In::State(own)));
+        if tenth == 10 {
+            out.extend(fed(&mut mission, now_s, order(OrderKind::Return)));
+        }
+        events.extend(out.into_iter().filter_map(|output| match output {
+            Out::MissionEvent(event) => Some(event),
+            _ => None,
+        }));
+    }
+    events
+}
+
+#[test]
+fn who_is_sent_home_into_the_way_of_others_steps_aside_unless_its_battery_is_low() {
+    let events = sent_home_in_a_doorway(0.9);
+    let steps_aside = |event: &MissionEvent| matches!(event, MissionEvent::StepsAside(_));
+    assert!(events.iter().any(steps_aside), "{events:?}");
+    let low = sent_home_in_a_doorway(0.01);
+    assert!(!low.iter().any(steps_aside), "{low:?}");
 }
 
 #[test]

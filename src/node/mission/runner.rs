@@ -11,6 +11,7 @@
 //!   [Driving]  ─ blocked, or what was to be seen is seen ─► [Choosing]
 //!   [Looking]  ─ everything looked at ─► [Choosing]
 //!   [Choosing] ─ the mission has ended, and no way leads home; [Driving] ─ home ─► [Over]
+//!   [Over]     ─ at home, where it stands in a peer's way: aside ─► [Driving]
 //! ```
 //!
 //! Nothing is done for ever: see `progress_watch`. Nothing is said to be done, seen or unreachable by a vehicle that knows its

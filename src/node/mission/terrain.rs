@@ -13,6 +13,7 @@ mod search;
 
 use serde::{Deserialize, Serialize};
 
+pub(super) use self::others::Ground;
 pub(super) use self::search::{
     OpenGround, PathSearch, RULES, ReachedGround, Resolution, WAYS, is_small,
 };

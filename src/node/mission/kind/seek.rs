@@ -234,7 +234,7 @@ impl Behaviour for Seek {
                 from,
                 toward,
                 closely,
-            }) = self.peer_looks.take(id, peer)
+            }) = self.peer_looks.take(around.now, id, peer)
             else {
                 continue;
             };
@@ -547,11 +547,12 @@ enum PeerAim {
     WayEnd(Point),
 }
 
-/// Returns what those peers are about to do that go somewhere, but not home.
+/// Returns what those peers are about to do that go somewhere, but not home; one that waits for others does nothing yet.
 fn aims<'a>(around: &'a MissionContext<'_>) -> impl Iterator<Item = (VehicleId, PeerAim)> + 'a {
     let goes =
         |peer: &Peer| around.now.since(peer.moved_at) <= PEER_GOES && !peer.is_silent(around.now);
-    let aim = |peer: &Peer| match peer.goal {
+    let aim = |peer: &Peer| match peer.goal(around.now) {
+        Some(goal) if goal.waits => None,
         Some(goal) if goal.is_of_mission => {
             Some(PeerAim::Goal(goal.at, peer.at.distance_to(goal.at)))
         }

@@ -3,7 +3,8 @@
 use tomoswarm_proto::{State, VehicleMode};
 
 use super::*;
-use crate::node::mission::goal::Goal;
+use crate::node::mission::AutonomyCause;
+use crate::node::mission::goal::{Goal, GoalSource};
 use crate::node::tests_support::state;
 
 /// There is no place aside.
@@ -66,6 +67,7 @@ fn returning(now_s: f64, peers: &Peers, home: Return) -> Returning<'_> {
         own: VehicleId(2),
         peers,
         home,
+        is_battery_low: home.by == GoalSource::Itself(AutonomyCause::BatteryLow),
     }
 }
 
@@ -82,6 +84,11 @@ fn lower_ids_go_first_and_higher_ones_are_waited_for_until_they_stand_or_for_a_w
         "a higher one drives"
     );
     assert!(is_its_turn(61.1, &[(3, 61.0, true)]) && is_its_turn(2.0, &[(3, 2.0, false)]));
+    let hears = |now_s: f64| is_its_turn(now_s, &[(3, 1.5, false)]);
+    assert!(
+        !hears(1.9) && hears(2.0),
+        "what its peers say of where they go now is waited for"
+    );
 }
 
 #[test]
@@ -96,13 +103,14 @@ fn lower_ids_that_never_rest_are_waited_for_for_a_while_shorter_with_a_low_batte
     assert!(!is_its_turn(300.0, ordered()) && is_its_turn(301.1, ordered()));
     assert!(!is_its_turn(60.0, low) && is_its_turn(61.1, low));
     let mut homeward = peers(&[(1, 400.0, true)]);
-    homeward.note_goal(&tomoswarm_proto::MissionProgress {
+    let said = tomoswarm_proto::MissionProgress {
         vehicle: VehicleId(1),
         boot: state(1, 1.0, 5.0).boot,
         phase: tomoswarm_proto::MissionPhase::Returning,
         goal: Some(tomoswarm_proto::Position::default()),
         ..tomoswarm_proto::MissionProgress::default()
-    });
+    };
+    homeward.note_goal(at(400.0), &said);
     for home in [ordered(), low] {
         let waits = !returning(400.0, &homeward, home).is_its_turn(&queue_since(1.0));
         assert!(waits, "one that drives home goes first");
@@ -139,7 +147,7 @@ fn a_known_way_is_driven_and_every_third_time_the_unknown_is_a_resort() {
         let home = Return { tries, ..ordered() };
         match returning(5.0, &peers, home).turn(
             &queue_since(1.0),
-            (WayHome::Open, Bars::Nobody),
+            (WayHome::Open, || Bars::Nobody),
             nowhere,
         ) {
             ReturnDecision::Drives(_, unknown) => unknown,
@@ -162,7 +170,7 @@ fn behind_peers_it_waits_until_they_have_had_time_enough() {
     let peers = peers(&[(3, 5.0, false)]);
     let ReturnDecision::Waits(home) = returning(5.0, &peers, ordered()).turn(
         &queue_since(1.0),
-        (WayHome::BehindPeers, Bars::Nobody),
+        (WayHome::BehindPeers, || Bars::Nobody),
         nowhere,
     ) else {
         panic!("it waits")
@@ -175,7 +183,7 @@ fn behind_peers_it_waits_until_they_have_had_time_enough() {
         matches!(
             returning(now_s, &peers, home).turn(
                 &queue,
-                (WayHome::BehindPeers, Bars::Nobody),
+                (WayHome::BehindPeers, || Bars::Nobody),
                 nowhere
             ),
             ReturnDecision::Drives(_, Unknown::LastResort)
@@ -195,7 +203,7 @@ fn behind_peers(now_s: f64, tries: u32, drives: bool, way: (WayHome, Bars)) -> R
         ..queue_since(1.0)
     };
     let aside = |times: u32| Some(vec![Point::new(f64::from(times), 0.0)]);
-    returning(now_s, &peers, home).turn(&queue, way, aside)
+    returning(now_s, &peers, home).turn(&queue, (way.0, || way.1), aside)
 }
 
 #[test]
@@ -216,24 +224,74 @@ fn behind_peers_it_goes_through_the_unknown_and_steps_aside_by_turns() {
     assert!(back.tries == 2 && !back.is_under_way(), "then it waits");
 }
 
+/// The same, when the way is open and the vehicle would bar the ways of others since a moment.
+fn barring(now_s: f64, home: Return, bars: Bars) -> ReturnDecision {
+    let peers = peers(&[(3, 5.0, true)]);
+    let aside = |_| Some(vec![Point::new(1.0, 0.0)]);
+    let way = (WayHome::Open, || bars);
+    returning(now_s, &peers, home).turn(&queue_since(1.0), way, aside)
+}
+
 #[test]
 fn who_would_bar_others_lets_them_go_home_first_and_steps_aside_where_it_bars_them_as_it_stands() {
-    let decided = |now_s, tries, bars| behind_peers(now_s, tries, true, (WayHome::Open, bars));
     let waits = |decision| matches!(decision, ReturnDecision::Waits(_));
-    assert!(waits(decided(6.0, 0, Bars::AtHome)) && waits(decided(304.0, 0, Bars::AtHome)));
-    let steps_aside = decided(6.0, 0, Bars::Here);
-    assert!(matches!(steps_aside, ReturnDecision::StepsAside(..)));
+    let steps_aside = |decision| matches!(decision, ReturnDecision::StepsAside(..));
+    assert!(waits(barring(6.0, ordered(), Bars::AtHome)));
+    assert!(steps_aside(barring(6.0, ordered(), Bars::Here)));
+    assert!(steps_aside(barring(6.0, ordered(), Bars::EachOther)));
     let peers = peers(&[(3, 5.0, true)]);
-    let way = (WayHome::Open, Bars::Here);
-    let no_room = returning(6.0, &peers, ordered()).turn(&queue_since(1.0), way, nowhere);
-    assert!(waits(no_room), "until there is");
-    let drives = |now_s, tries| {
+    let no_room = |bars: Bars| {
+        let way = (WayHome::Open, || bars);
+        returning(6.0, &peers, ordered()).turn(&queue_since(1.0), way, nowhere)
+    };
+    assert!(waits(no_room(Bars::Here)), "until there is");
+    let goes = no_room(Bars::EachOther);
+    assert!(
+        matches!(goes, ReturnDecision::Drives(..)),
+        "both would wait for each other"
+    );
+}
+
+#[test]
+fn those_whom_it_would_bar_are_let_go_first_for_a_while_in_all() {
+    let ReturnDecision::StepsAside(home, _) = barring(6.0, ordered(), Bars::Here) else {
+        panic!("it steps aside")
+    };
+    // It comes back from there, and waits again: the time goes on.
+    let back = home.stepped_back(at(60.0), at(63.0));
+    let ReturnDecision::Waits(waits) = barring(63.0, back, Bars::AtHome) else {
+        panic!("it waits")
+    };
+    assert_eq!(waits.lets_first_since, Some(at(6.0)));
+    let drives = |now_s, home| {
         matches!(
-            decided(now_s, tries, Bars::Here),
+            barring(now_s, home, Bars::AtHome),
             ReturnDecision::Drives(..)
         )
     };
-    assert!(drives(305.0, 0) && drives(6.0, 6), "not for ever");
+    assert!(!drives(305.9, waits) && drives(306.0, waits));
+    let tried = Return {
+        tries: FAILURES_MAX,
+        ..ordered()
+    };
+    let low = Return {
+        by: GoalSource::Itself(AutonomyCause::BatteryLow),
+        ..ordered()
+    };
+    assert!(drives(6.0, tried) && drives(6.0, low));
+}
+
+#[test]
+fn whether_it_bars_others_is_asked_only_of_one_that_may_let_them_go_first() {
+    let peers = peers(&[(3, 5.0, true)]);
+    let home = Return {
+        tries: FAILURES_MAX,
+        ..ordered()
+    };
+    let asked = || panic!("it is a search");
+    let way = (WayHome::Open, asked);
+    let turn = returning(6.0, &peers, home).turn(&queue_since(1.0), way, nowhere);
+    assert!(matches!(turn, ReturnDecision::Drives(..)));
 }
 
 #[test]
@@ -242,7 +300,7 @@ fn while_others_move_it_presses_on_whatever_the_way_looks_like() {
     for way_home in [WayHome::Open, WayHome::BehindPeers, WayHome::Unknown] {
         let turn = returning(5.0, &peers, ordered()).turn(
             &queue_since(1.0),
-            (way_home, Bars::Nobody),
+            (way_home, || Bars::Nobody),
             nowhere,
         );
         let expected = under_way(Some(5.0), true);

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use super::{Destination, Phase, RunnerContext, StepRunner};
-use crate::node::mission::aside::{Bound, ways_of_peers, who_goes_first};
+use crate::node::mission::aside::{Bound, ways_of_peers};
 use crate::node::mission::home::HOME_M;
 
 /// Who is at home after its mission looks this often whether it bars somebody's way.
@@ -69,6 +69,7 @@ impl StepRunner {
     /// Returns whether peers cannot get where they go once this vehicle is at home.
     fn lets_others_first(&self, scene: &RunnerContext<'_>) -> bool {
         let search = scene.terrain.search(scene.now, scene.pose());
-        !who_goes_first(scene.peers, scene.now, &search, self.settings.home).is_empty()
+        let home = self.settings.home;
+        Bound::all(scene.peers, scene.now).any(|bound| bound.is_barred(&search, home))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::{Boot, MissionProgress, State, TaskKind, VehicleId};
+use tomoswarm_proto::{Boot, MissionProgress, State, TaskKind, VehicleId, VehicleMode};
 
 use super::yield_to_peers::{Turn, Yield};
 use super::*;
@@ -14,6 +14,7 @@ use crate::node::mission::kind::tests_support::obstacle;
 use crate::node::mission::obstruction::ObstructionKind;
 use crate::node::mission::pilot::Pilot;
 use crate::node::mission::place_watch::PlaceWatch;
+use crate::node::mission::terrain::tests::terrain_of;
 use crate::node::mission::terrain::{Resolution, Terrain};
 use crate::node::mission::tests::{at, tiles};
 use crate::node::peers::Peers;
@@ -345,12 +346,13 @@ fn where_it_goes_is_its_place_also_while_it_waits_and_then_its_home() {
 /// What a peer at a place says of where it goes.
 fn way_of(peers: &mut Peers, vehicle: u8, from: (f64, f64), to: Option<(f64, f64)>) -> PeerWay {
     peers.take(at(1.0), &state(vehicle, from.0, from.1));
-    peers.note_goal(&MissionProgress {
+    let said = MissionProgress {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
         goal: to.map(|(x_m, y_m)| Point::new(x_m, y_m).into()),
         ..MissionProgress::default()
-    });
+    };
+    peers.note_goal(at(1.0), &said);
     let peer = peers.get(VehicleId(vehicle)).expect("it was heard");
     PeerWay::of(peer, at(1.5), 1.0)
 }
@@ -569,4 +571,88 @@ fn who_is_blocked_by_a_peer_on_its_way_to_a_close_look_has_not_looked() {
     };
     assert!(blocked(CommandRefusal::Separation(VehicleId(2))));
     assert!(!blocked(CommandRefusal::NoPose));
+}
+
+/// A vehicle that is done, at its home in the doorway between two rooms, and a peer that wants to get through it.
+struct Doorway {
+    rig: Rig,
+    sequence: u64,
+}
+
+impl Doorway {
+    fn new() -> Doorway {
+        let mut rig = Rig::new(TaskKind::Pathfind { places: Vec::new() });
+        let is_wall = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > 1.0;
+        rig.terrain = terrain_of(|x_m, y_m| is_wall(x_m, y_m) || y_m.abs() > 4.0);
+        rig.runner.settings.home = Point::new(1.2, 0.0);
+        rig.own = own_state(1.2, 0.0);
+        rig.runner.mission = OwnMission::Ended(EndReason::Done);
+        rig.runner.phase = Phase::Over;
+        Doorway { rig, sequence: 0 }
+    }
+
+    /// So many seconds later, when the peer has rested, or driven, west of the doorway all the while; returns the remarks.
+    fn wait(&mut self, seconds: u32, mode: VehicleMode) -> Vec<MissionEvent> {
+        let mut events = Vec::new();
+        for _ in 0..seconds {
+            self.sequence += 1;
+            let peer = State {
+                mode,
+                sequence: self.sequence,
+                ..state(2, -3.0, 0.0)
+            };
+            let now = at(self.rig.now_s);
+            self.rig.peers.take(now, &peer);
+            let said = MissionProgress {
+                vehicle: VehicleId(2),
+                boot: peer.boot,
+                goal: Some(Point::new(4.0, 0.0).into()),
+                phase: MissionPhase::Yielding,
+                ..MissionProgress::default()
+            };
+            self.rig.peers.note_goal(now, &said);
+            events.extend(self.rig.run(10));
+        }
+        events
+    }
+}
+
+#[test]
+fn who_is_done_makes_room_for_a_peer_that_has_waited_and_goes_home_again() {
+    let mut doorway = Doorway::new();
+    // It has stood there for very long, which says nothing of what begins now.
+    doorway.rig.now_s = 5000.0;
+    assert_eq!(doorway.wait(15, VehicleMode::Idle), [], "not at once");
+    let events = doorway.wait(20, VehicleMode::Idle);
+    let [MissionEvent::StepsAside(to)] = &events[..] else {
+        panic!("{events:?}")
+    };
+    assert!(to.distance_to(Point::new(1.2, 0.0)) > 1.0, "{to}");
+    doorway.rig.arrive();
+    // The peer has come through.
+    doorway.rig.peers = Peers::new(VehicleId(1));
+    assert_eq!(doorway.rig.run(100), []);
+    let end = doorway.rig.pilot.way().end();
+    assert!(
+        end.distance_to(doorway.rig.runner.settings.home) < 0.4,
+        "{end}"
+    );
+}
+
+#[test]
+fn nobody_makes_room_for_a_peer_that_drives_or_when_its_motors_are_off_or_away_from_home() {
+    let stays = |mode: VehicleMode, change: fn(&mut Rig)| {
+        let mut doorway = Doorway::new();
+        change(&mut doorway.rig);
+        let events = doorway.wait(60, mode);
+        assert!(
+            events.is_empty() && doorway.rig.pilot.way().is_empty(),
+            "{events:?}"
+        );
+    };
+    stays(VehicleMode::Driving, |_| ());
+    stays(VehicleMode::Idle, |rig| rig.own.is_armed = false);
+    stays(VehicleMode::Idle, |rig| {
+        rig.runner.settings.home = Point::new(4.0, 3.0);
+    });
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
 use crate::geom::{Angle, Point};
-use crate::node::peers::Peer;
+use crate::node::peers::{Peer, PeerGoal};
 use crate::time::Time;
 
 /// So many rests in a row at one place, toward one goal, are a close look.
@@ -52,12 +52,13 @@ struct Rest {
 
 impl PeerLooks {
     /// Takes a peer that rests for as long as a look takes; returns its look when that is a new one.
-    pub(super) fn take(&mut self, id: VehicleId, peer: &Peer) -> Option<PeerLook> {
+    pub(super) fn take(&mut self, now: Time, id: VehicleId, peer: &Peer) -> Option<PeerLook> {
         let last = self.rests.get(&id);
         if last.is_some_and(|last| last.since == peer.moved_at) {
             return None;
         }
-        let goal = peer.goal.filter(|goal| goal.is_of_mission);
+        let looks_at = |goal: &PeerGoal| goal.is_of_mission && !goal.waits;
+        let goal = peer.goal(now).filter(looks_at);
         let goal = goal.map(|goal| goal.at).filter(|goal| {
             let off = peer.at.angle_to(*goal) - peer.heading;
             off.radians().abs() <= TOWARD_RAD
@@ -81,28 +82,37 @@ impl PeerLooks {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::{MissionPhase, MissionProgress, Position};
+
     use super::*;
-    use crate::node::peers::{PeerGoal, Peers};
+    use crate::node::peers::Peers;
     use crate::node::tests_support::state;
 
     /// A peer that rests at a place since a second and says where it goes.
     fn resting(second: u32, x_m: f64, goal: Option<Point>) -> Peer {
-        let goal = goal.map(|at| PeerGoal {
-            at,
-            is_of_mission: true,
-        });
         let now = Time::from_secs_f64(f64::from(second));
         let mut peers = Peers::new(VehicleId(1));
         peers.take(now, &state(2, x_m, 0.0));
+        let said = MissionProgress {
+            vehicle: VehicleId(2),
+            boot: state(2, x_m, 0.0).boot,
+            goal: goal.map(Position::from),
+            phase: MissionPhase::Looking,
+            ..MissionProgress::default()
+        };
+        peers.note_goal(now, &said);
         let (_, peer) = peers.iter().next().unwrap();
-        let mut peer = peer.clone();
-        peer.goal = goal;
-        peer
+        peer.clone()
     }
 
     fn closely(peers: &[Peer]) -> Vec<Option<Point>> {
         let mut looks = PeerLooks::default();
-        let look = |peer: &Peer| looks.take(VehicleId(2), peer).unwrap().closely;
+        let look = |peer: &Peer| {
+            looks
+                .take(peer.heard_at, VehicleId(2), peer)
+                .unwrap()
+                .closely
+        };
         peers.iter().map(look).collect()
     }
 
@@ -132,8 +142,8 @@ mod tests {
     fn a_rest_is_one_look() {
         let mut looks = PeerLooks::default();
         let peer = resting(1, 0.0, None);
-        assert!(looks.take(VehicleId(2), &peer).is_some());
-        assert_eq!(looks.take(VehicleId(2), &peer), None);
-        assert!(looks.take(VehicleId(3), &peer).is_some());
+        assert!(looks.take(peer.heard_at, VehicleId(2), &peer).is_some());
+        assert_eq!(looks.take(peer.heard_at, VehicleId(2), &peer), None);
+        assert!(looks.take(peer.heard_at, VehicleId(3), &peer).is_some());
     }
 }

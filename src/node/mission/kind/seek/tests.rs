@@ -221,13 +221,14 @@ fn goes(world: &mut World, id: u8, from: Point, goal: Option<Point>, phase: Miss
         ..state(id, from.x_m, from.y_m)
     };
     world.peers.take(Time::from_secs_f64(1.0), &peer);
-    world.peers.note_goal(&MissionProgress {
+    let said = MissionProgress {
         vehicle: peer.vehicle,
         boot: peer.boot,
         goal: goal.map(Position::from),
         phase,
         ..MissionProgress::default()
-    });
+    };
+    world.peers.note_goal(Time::from_secs_f64(1.0), &said);
 }
 
 /// How far from what it looks at first when it is alone a vehicle looks, beside peers.
