@@ -645,6 +645,18 @@ fn steps_aside_when_done(log: &str) -> bool {
 }
 
 #[test]
+fn homes_in_a_dead_end_are_filled_from_its_end_whoever_has_the_lowest_id() {
+    // With these seeds two vehicles stood at their homes before those of the others and locked these out.
+    for seed in [4, 7, 9] {
+        let (_, log) = run_file("homes/corridor.sim.toml", seed);
+        for vehicle in 1..=4 {
+            let is_home = format!("vehicle {vehicle} is home");
+            assert!(log.contains(&is_home), "seed {seed}: {is_home}");
+        }
+    }
+}
+
+#[test]
 fn who_is_done_makes_room_at_a_door_and_goes_home_after_those_that_it_would_bar() {
     // A home before the only door of a house, and two in it: with these seeds vehicles 2 and 3 never came home.
     for seed in [1, 2, 4] {

@@ -25,6 +25,10 @@ const ROOM_M: f64 = 6.0;
 /// The same from ways that are known, in separations; and so much more for every time that it has stepped aside in a row.
 const ROOM_TO_WAY: f64 = 1.5;
 
+/// Who is this near to a place stands there itself, metres.
+const SAME_M: f64 = 0.4;
+/// So many places aside are looked at until one bars nobody's way.
+const PLACES_ASIDE: usize = 6;
 /// Over which ground others go: what is known, if it leads there.
 const GROUNDS: [Ground; 2] = [Ground::Known, Ground::UnknownToo];
 
@@ -115,6 +119,10 @@ pub(super) fn is_barred(
     stay: &[Point],
     place: Point,
 ) -> bool {
+    // Who stands there has left it before anybody else comes.
+    if ends.0.distance_to(place) < SAME_M {
+        return false;
+    }
     let all: Vec<Point> = stay.iter().copied().chain([place]).collect();
     for ground in GROUNDS {
         let is_open = |stand: &[Point]| search.is_open_for(ends, ground, stand);
@@ -163,6 +171,29 @@ pub(super) fn enough_m(ways: &[PeerWay], times: u32) -> f64 {
         true => to_ways.fold(0.0, f64::max).min(ROOM_M),
         false => ROOM_M,
     }
+}
+
+/// Returns the corners of a way aside as [`way_aside`] does, to where the vehicle bars the ways of none of some peers; `None` when
+/// there is none near by that is worth it.
+pub(super) fn way_aside_for(
+    search: &PathSearch<'_>,
+    grid: &SearchGrid,
+    (ways, enough_m): (&[PeerWay], f64),
+    peers: &[Bound<'_>],
+    may_stand: impl Fn(Point) -> bool,
+) -> Option<Vec<Point>> {
+    let mut barring: Vec<Point> = Vec::new();
+    for _ in 0..PLACES_ASIDE {
+        let is_elsewhere = |place: Point| barring.iter().all(|at| at.distance_to(place) > GAIN_M);
+        let may_stand_there = |place: Point| may_stand(place) && is_elsewhere(place);
+        let corners = way_aside(grid, search.from(), ways, enough_m, may_stand_there)?;
+        let end = *corners.last()?;
+        if !peers.iter().any(|peer| peer.is_barred(search, end)) {
+            return Some(corners);
+        }
+        barring.push(end);
+    }
+    None
 }
 
 /// Returns the corners of a way to where the peers and their ways are farther away than from here, up to so far; `None` when

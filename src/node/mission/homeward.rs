@@ -1,7 +1,7 @@
 //! How a vehicle comes home beside others: it waits for its turn, drives, or steps aside for those whose way it bars. What
 //! becomes of a return is decided by [`super::returning`].
 
-use super::aside::{Bound, enough_m, is_barred, way_aside, ways_of_peers};
+use super::aside::{Bound, enough_m, is_barred, way_aside_for, ways_of_peers};
 use super::goal::{Goal, GoalSource, Return, ReturnQueue, ReturnStage};
 use super::home::WayHome;
 use super::kind::RouteRoom;
@@ -74,17 +74,24 @@ impl Mission {
         let separation_m = self.settings.swarm.separation_m;
         let ways = ways_of_peers(&self.peers, now, search, separation_m);
         let grid = search.ground(None, Resolution::Parts, false, claims)?;
-        // From there it must get home when those are at home that return as well; where that cannot be, anything is better.
-        let homeward = Bound::all(&self.peers, now).filter(|bound| bound.peer.goes_home(now));
-        let goals: Vec<Vec<Point>> = homeward.map(|bound| vec![bound.to]).collect();
+        // From there it must get home when those are at home whom it lets go first; where that cannot be, anything is better.
         let home = self.settings.home;
+        let homeward = self.homeward_peers(now);
+        let first = homeward.iter().filter(|peer| peer.is_barred(search, home));
+        let goals: Vec<Vec<Point>> = first.map(|peer| vec![peer.to]).collect();
         let then = search.ground(Some(home), Resolution::Parts, true, &goals)?;
         let nodes = then.lattice();
         let leads_home = Component::around(&then, nodes.cell_at(home), &RULES);
         let may_stand =
             |place: Point| leads_home.is_empty() || leads_home.contains(nodes.cell_at(place));
         let enough_m = enough_m(&ways, times);
-        way_aside(&grid, search.from(), &ways, enough_m, may_stand)
+        way_aside_for(search, &grid, (&ways, enough_m), &homeward, may_stand)
+    }
+
+    /// Returns the peers that are on their way home, and not yet there.
+    fn homeward_peers(&self, now: Time) -> Vec<Bound<'_>> {
+        let all = Bound::all(&self.peers, now);
+        all.filter(|bound| bound.peer.goes_home(now)).collect()
     }
 
     fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
@@ -105,20 +112,18 @@ impl Mission {
     /// Returns whether others that go home cannot get there once this vehicle is at home, or as it stands.
     fn bars_on_their_way_home(&self, now: Time, search: &PathSearch<'_>) -> Bars {
         let (own, home, at) = (self.settings.vehicle, self.settings.home, search.from());
-        let homeward = Bound::all(&self.peers, now).filter(|bound| bound.peer.goes_home(now));
-        let first: Vec<Bound<'_>> = homeward
-            .filter(|bound| bound.is_barred(search, home))
-            .collect();
+        let mut homeward = self.homeward_peers(now);
+        let stands_in_the_way = homeward.iter().any(|peer| peer.is_barred(search, at));
+        homeward.retain(|peer| peer.is_barred(search, home));
         let bars_each_other =
-            |bound: &Bound<'_>| own < bound.id && is_barred(search, (at, home), &[], bound.to);
-        if first.is_empty() {
-            Bars::Nobody
-        } else if first.iter().any(|bound| bound.is_barred(search, at)) {
-            Bars::Here
-        } else if first.iter().any(bars_each_other) {
-            Bars::EachOther
-        } else {
-            Bars::AtHome
+            |peer: &Bound<'_>| own < peer.id && is_barred(search, (at, home), &[], peer.to);
+        match (homeward.is_empty(), stands_in_the_way) {
+            (true, false) => Bars::Nobody,
+            (true, true) => Bars::HereAlone,
+            (false, true) => Bars::Here,
+            (false, false) if homeward.iter().all(bars_each_other) => Bars::EachOther,
+            (false, false) if homeward.iter().any(bars_each_other) => Bars::Here,
+            (false, false) => Bars::AtHome,
         }
     }
 

@@ -70,9 +70,11 @@ pub(super) enum Bars {
     Nobody,
     /// Some cannot once this one is at home.
     AtHome,
-    /// Some cannot even as it stands.
+    /// Nor can some as it stands, or it cannot from here once some of higher ids are at home.
     Here,
-    /// Some of higher ids cannot once this one is at home, and it cannot from here once they are.
+    /// Some cannot as it stands, and can once it is at home.
+    HereAlone,
+    /// Some cannot once this one is at home, all of higher ids, and it cannot from here once any of them is.
     EachOther,
 }
 
@@ -115,7 +117,8 @@ impl Returning<'_> {
             true => bars(),
             false => Bars::Nobody,
         };
-        if bars != Bars::Nobody {
+        let goes = bars == Bars::HereAlone && way_home == WayHome::Open;
+        if bars != Bars::Nobody && !goes {
             let since = self.home.lets_first_since.or(Some(self.now));
             let home = Return {
                 lets_first_since: since,
@@ -126,7 +129,9 @@ impl Returning<'_> {
             let drives = || lets_first.drives(Unknown::LastResort, presses_on);
             return match bars {
                 Bars::Nobody | Bars::AtHome => waits(),
-                Bars::Here => lets_first.steps_aside(way_aside).unwrap_or_else(waits),
+                Bars::Here | Bars::HereAlone => {
+                    lets_first.steps_aside(way_aside).unwrap_or_else(waits)
+                }
                 Bars::EachOther => lets_first.steps_aside(way_aside).unwrap_or_else(drives),
             };
         }

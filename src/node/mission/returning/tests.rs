@@ -239,6 +239,16 @@ fn who_would_bar_others_lets_them_go_home_first_and_steps_aside_where_it_bars_th
     assert!(waits(barring(6.0, ordered(), Bars::AtHome)));
     assert!(steps_aside(barring(6.0, ordered(), Bars::Here)));
     assert!(steps_aside(barring(6.0, ordered(), Bars::EachOther)));
+    let goes = barring(6.0, ordered(), Bars::HereAlone);
+    assert!(
+        matches!(goes, ReturnDecision::Drives(..)),
+        "by that it makes room, too"
+    );
+    let peers_stand = peers(&[(3, 5.0, false)]);
+    let aside = |_| Some(vec![Point::new(1.0, 0.0)]);
+    let way = (WayHome::BehindPeers, || Bars::HereAlone);
+    let barred = returning(6.0, &peers_stand, ordered()).turn(&queue_since(1.0), way, aside);
+    assert!(steps_aside(barred), "its own way is barred");
     let peers = peers(&[(3, 5.0, true)]);
     let no_room = |bars: Bars| {
         let way = (WayHome::Open, || bars);

@@ -5,7 +5,7 @@ use super::yield_to_peers::{Turn, Yield};
 use super::{Destination, RunnerContext, StepRunner, WAIT};
 use crate::geom::{Point, Segment};
 use crate::node::mission::MissionEvent;
-use crate::node::mission::aside::{PeerWay, way_aside};
+use crate::node::mission::aside::{Bound, PeerWay, way_aside, way_aside_for};
 use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
 use crate::node::mission::pilot::AHEAD_M;
@@ -109,7 +109,11 @@ impl StepRunner {
             .courses(scene)
             .ground(None, Resolution::Cells, false, &claims)?;
         let room_m = self.yields.room_m(ways);
-        let corners = way_aside(&grid, scene.pose().at, ways, room_m, |_| true)?;
+        let search = scene.terrain.search(scene.now, scene.pose());
+        let peers: Vec<Bound<'_>> = Bound::all(scene.peers, scene.now).collect();
+        let clear = way_aside_for(&search, &grid, (ways, room_m), &peers, |_| true);
+        let corners =
+            clear.or_else(|| way_aside(&grid, scene.pose().at, ways, room_m, |_| true))?;
         Some(DriveRoute {
             corners,
             room: RouteRoom::Kept,
