@@ -43,6 +43,19 @@ impl Track {
         self.points[self.points.len() - 1]
     }
 
+    /// Returns places along the track, at most so many metres apart, its points among them.
+    pub fn places(&self, apart_m: f64) -> impl Iterator<Item = Point> + '_ {
+        let along = move |piece: Segment| {
+            let steps = (piece.length_m() / apart_m).ceil().max(1.0) as u32;
+            (0..steps).map(move |step| {
+                piece
+                    .from
+                    .toward(piece.to, f64::from(step) / f64::from(steps))
+            })
+        };
+        self.segments().flat_map(along).chain([self.end()])
+    }
+
     /// Returns the distance from a point to the nearest part of the track, metres.
     pub fn distance_to_point(&self, point: Point) -> f64 {
         let start = self.start().distance_to(point);
@@ -65,6 +78,21 @@ impl Track {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn places_along_a_track_are_its_points_and_between_them() {
+        let points = [(0.0, 0.0), (0.25, 0.0), (0.25, 0.1)].map(|(x, y)| Point::new(x, y));
+        let places = |points: &[Point]| {
+            let track = Track::new(points.to_vec()).unwrap();
+            track.places(0.1).collect::<Vec<_>>()
+        };
+        let all = places(&points);
+        assert_eq!(all.len(), 5, "{all:?}");
+        assert!(points.iter().all(|point| all.contains(point)));
+        let apart = |pair: &[Point]| pair[0].distance_to(pair[1]) <= 0.1 + 1e-12;
+        assert!(all.windows(2).all(apart));
+        assert_eq!(places(&points[..1]), [points[0]]);
+    }
 
     #[test]
     fn tracks_know_their_length_and_distance() {

@@ -227,6 +227,12 @@ impl View<'_> {
         BarredCell::of(said, tile.joined.is_confirmed(index), cleared)
     }
 
+    /// Returns whether somebody holds a cell for confirmed, although it may be unknown to the vehicle that drives by the map.
+    pub fn is_confirmed_by_any(&self, cell: Cell) -> bool {
+        let tile = self.tile(cell);
+        tile.is_some_and(|tile| tile.joined.is_confirmed(index_in_tile(cell)))
+    }
+
     #[inline]
     fn tile(&self, cell: Cell) -> Option<ViewTile<'_>> {
         let column = (cell.x >> SIDE_BITS).wrapping_sub(self.first.0) as usize;

@@ -13,7 +13,7 @@ use crate::plan::{Distances, SearchGrid};
 use crate::time::Time;
 
 /// The longest way aside, metres.
-const WAY_M: f64 = 8.0;
+const WAY_M: f64 = 12.0;
 /// Off the way of a peer is who keeps so many separations from it.
 const OFF: f64 = 1.2;
 /// What a metre of way must be worth in metres of room.
@@ -25,6 +25,8 @@ const ROOM_M: f64 = 6.0;
 /// The same from ways that are known, in separations; and so much more for every time that it has stepped aside in a row.
 const ROOM_TO_WAY: f64 = 1.5;
 
+/// Places aside that are nearer to each other bar the same ways, metres.
+const APART_M: f64 = 0.8;
 /// Who is this near to a place stands there itself, metres.
 const SAME_M: f64 = 0.4;
 /// So many places aside are looked at until one bars nobody's way.
@@ -137,6 +139,18 @@ pub(super) fn is_barred(
     false
 }
 
+/// Returns the peers that stand, or claim to drive, on the way to a place as it would be without them: known if there is such a
+/// way.
+pub(super) fn peers_on_way(search: &PathSearch<'_>, to: Point, peers: &Peers) -> Vec<VehicleId> {
+    let mut grounds = [false, true].into_iter();
+    let Some(way) = grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, &[]))
+    else {
+        return Vec::new();
+    };
+    let is_on_it = |(_, peer): &(VehicleId, &Peer)| !search.is_way_clear_of(&way, &peer.claim);
+    peers.iter().filter(is_on_it).map(|(id, _)| id).collect()
+}
+
 /// Returns where a peer goes that is not there yet.
 fn goes_to(peer: &Peer, now: Time) -> Option<Point> {
     let to = peer.goal(now)?.at;
@@ -182,13 +196,16 @@ pub(super) fn way_aside_for(
     peers: &[Bound<'_>],
     may_stand: impl Fn(Point) -> bool,
 ) -> Option<Vec<Point>> {
+    let bars = |place: Point| peers.iter().any(|peer| peer.is_barred(search, place));
+    // Who bars somebody's way as it stands has to go, however little it gains by that.
     let mut barring: Vec<Point> = Vec::new();
+    barring.extend(Some(search.from()).filter(|at| bars(*at)));
     for _ in 0..PLACES_ASIDE {
-        let is_elsewhere = |place: Point| barring.iter().all(|at| at.distance_to(place) > GAIN_M);
+        let is_elsewhere = |place: Point| barring.iter().all(|at| at.distance_to(place) > APART_M);
         let may_stand_there = |place: Point| may_stand(place) && is_elsewhere(place);
         let corners = way_aside(grid, search.from(), ways, enough_m, may_stand_there)?;
         let end = *corners.last()?;
-        if !peers.iter().any(|peer| peer.is_barred(search, end)) {
+        if !bars(end) {
             return Some(corners);
         }
         barring.push(end);

@@ -6,14 +6,15 @@
 //! Deliberately absent: driving and looking, see [`super::runner`]; what a look means for the map.
 
 mod behind_peers;
+mod unseen;
 
 use serde::{Deserialize, Serialize};
 
 use super::kind::{DriveRoute, RouteRoom};
 use super::terrain::{PathSearch, RULES, ReachedGround, Resolution};
-use crate::geom::{Cell, Lattice, Point, Segment};
+use crate::geom::{Cell, Lattice, Point, Segment, Track};
 use crate::map::{Bar, CellRect};
-use crate::plan::{Component, Distances, SearchGrid, shortest_route};
+use crate::plan::{Distances, SearchGrid, shortest_route};
 
 /// So many close looks at a part of the ground, and what it holds is taken for barred.
 const LOOKS_MAX: usize = 3;
@@ -219,80 +220,6 @@ impl Doubts {
         cells
     }
 
-    /// Returns what to try next so that ground that nobody has seen, and where there is room to stand, can be reached;
-    /// `reached` is what can be, finely, if it can set out. Small things that bar are looked at once, although they are
-    /// confirmed: an exploration that takes an echo for a pole in a doorway would end before it.
-    ///
-    /// # Errors
-    /// None is: the share of the ground with room to stand that might be reached, which nobody has seen and to which no way is
-    /// known, 0 to 1; of all such ground where the vehicle is too near to something to go anywhere.
-    pub(crate) fn toward_unseen(
-        &mut self,
-        search: &PathSearch<'_>,
-        reached: Option<ReachedGround>,
-        peers: &[Vec<Point>],
-    ) -> Result<DoubtTry, f64> {
-        // Ground that is too large to be searched is told before.
-        let roomy = search.ground(None, Resolution::Parts, true, &[]);
-        let roomy = roomy.ok_or(0.0)?;
-        let reached = reached.map(Reached::finely);
-        let look = reached.as_ref().and_then(|reached| {
-            let known = (&roomy, reached);
-            let past_confirmed = self.toward_unseen_past(search, peers, known, &[]);
-            past_confirmed.or_else(|| {
-                let mut doubted = search.small_things(SMALL_CELLS);
-                doubted.retain(|cell| self.places_of(search.lattice(), *cell).is_empty());
-                match doubted.is_empty() {
-                    true => None,
-                    false => self.toward_unseen_past(search, peers, known, &doubted),
-                }
-            })
-        });
-        if let Some(look) = look {
-            return Ok(DoubtTry::Look(look));
-        }
-        let back = self.go_back(search, peers).map(DoubtTry::GoBack);
-        back.ok_or_else(|| unseen_share(search, &roomy, reached.as_ref()).unwrap_or(0.0))
-    }
-
-    /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is
-    /// room to stand, and what can be reached.
-    fn toward_unseen_past(
-        &mut self,
-        search: &PathSearch<'_>,
-        peers: &[Vec<Point>],
-        (roomy, reached): (&SearchGrid, &Reached),
-        doubted: &[Cell],
-    ) -> Option<CloseLook> {
-        let whole = search.optimistic_ground(None, doubted)?;
-        let (map, lattice) = (search.fenced_map()?, search.lattice());
-        loop {
-            let mut grid = whole.clone();
-            self.close_given_up(search, &mut grid);
-            let nodes = grid.lattice();
-            let optimistic =
-                Distances::from_start(&grid, nodes.cell_at(search.from()), &RULES).ok()?;
-            let wanted = |node: Cell| {
-                let cost_m = optimistic.cost_m(node)?;
-                let is_wanted = roomy.passable(node)
-                    && !reached.ground.is_reached(nodes.centre(node))
-                    && map.is_unseen(lattice.cell_at(nodes.centre(node)));
-                is_wanted.then_some((cost_m, node))
-            };
-            let nearest = grid.area().cells().filter_map(wanted);
-            let (_, node) = nearest.min_by(|a, b| a.0.total_cmp(&b.0))?;
-            let route = optimistic.route_to(&grid, search.from(), nodes.centre(node))?;
-            if let Some(step) = self.look_along(search, reached, &route.points, peers) {
-                return match step {
-                    DoubtStep::Try(DoubtTry::Look(look)) => Some(look),
-                    DoubtStep::Try(DoubtTry::GoBack(_))
-                    | DoubtStep::NoWay(_)
-                    | DoubtStep::Spent(_) => None,
-                };
-            }
-        }
-    }
-
     /// Returns a close look at one of some cells that bar, if none has been taken yet: what is confirmed was so by echoes from
     /// wherever the vehicle happened to be.
     pub(crate) fn look_at_bars(
@@ -340,13 +267,12 @@ impl Doubts {
         {
             return Some(self.spent(search));
         }
-        let is_spent = places.len() >= LOOKS_MAX;
         let look_from = |reached: &Reached| {
             let node = viewpoint(search, &reached.ground.ways, at, places)?;
             Some(reached.course_to(search, node))
         };
         // Where it stands too near to something, back over places that it has driven.
-        let course = if is_spent {
+        let course = if self.is_spent(search.lattice(), at) {
             None
         } else {
             look_from(reached).or_else(|| look_from(&Reached::over_driven(search, peers)?))
@@ -377,10 +303,28 @@ impl Doubts {
         known.map_or(&[], |(_, places)| places)
     }
 
+    /// Returns whether a part of the ground was looked at from near as often as that may be.
+    fn is_spent(&self, lattice: Lattice, cell: Cell) -> bool {
+        self.places_of(lattice, cell).len() >= LOOKS_MAX
+    }
+
     /// Closes the places that a cell bars that was given up. A way may pass between these and still be barred by it: a cell
     /// that was given up again is given a wider berth, so that what else is in doubt gets its turn.
     fn close_given_up(&self, search: &PathSearch<'_>, grid: &mut SearchGrid) {
+        self.close_bars(search, grid, |_| true);
+    }
+
+    /// The same of some of what was given up.
+    fn close_bars(
+        &self,
+        search: &PathSearch<'_>,
+        grid: &mut SearchGrid,
+        is_closed: impl Fn(&Cell) -> bool,
+    ) {
         for (index, cell) in self.given_up.iter().enumerate() {
+            if !is_closed(cell) {
+                continue;
+            }
             let before = self.given_up[..index].iter();
             let again = before.filter(|known| *known == cell).count();
             let wider_m = again as f64 * grid.lattice().cell_m();
@@ -469,15 +413,8 @@ fn beyond_reached<'p>(reached: &Distances, places: &'p [Point]) -> &'p [Point] {
 
 /// Returns places along a route, a step apart.
 fn places_along(route: &[Point]) -> Vec<Point> {
-    let mut places = Vec::new();
-    for pair in route.windows(2) {
-        let steps = (pair[0].distance_to(pair[1]) / STEP_M).ceil().max(1.0) as u32;
-        places.extend(
-            (0..steps).map(|step| pair[0].toward(pair[1], f64::from(step) / f64::from(steps))),
-        );
-    }
-    places.extend(route.last());
-    places
+    let track = Track::new(route.to_vec());
+    track.map_or_else(Vec::new, |track| track.places(STEP_M).collect())
 }
 
 /// Returns the node from which a cell is best looked at from near: one that can be reached, from which nothing hides it, and
@@ -503,29 +440,6 @@ fn viewpoint(
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let sees = |node: &Cell| search.sees_close(nodes.centre(*node), target);
     found.into_iter().map(|(_, node)| node).find(sees)
-}
-
-/// See [`Doubts::toward_unseen`]; `None` when the fence is too large to search.
-fn unseen_share(
-    search: &PathSearch<'_>,
-    roomy: &SearchGrid,
-    reached: Option<&Reached>,
-) -> Option<f64> {
-    let whole = search.optimistic_ground(None, &[])?;
-    let (map, lattice, nodes) = (search.fenced_map()?, search.lattice(), whole.lattice());
-    let might = Component::around(&whole, nodes.cell_at(search.from()), &RULES);
-    let is_shut_in = is_shut_in(search, &whole);
-    let (mut all, mut unseen) = (0_u32, 0_u32);
-    for node in whole.area().cells() {
-        if !roomy.passable(node) || !(is_shut_in || might.contains(node)) {
-            continue;
-        }
-        let at = nodes.centre(node);
-        let is_reached = reached.is_some_and(|reached| reached.ground.is_reached(at));
-        all += 1;
-        unseen += u32::from(!is_reached && map.is_unseen(lattice.cell_at(at)));
-    }
-    Some(f64::from(unseen) / f64::from(all.max(1)))
 }
 
 /// Returns whether nothing can be reached from where the vehicle stands but that place itself: it is too near to something,

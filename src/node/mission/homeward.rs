@@ -1,7 +1,11 @@
 //! How a vehicle comes home beside others: it waits for its turn, drives, or steps aside for those whose way it bars. What
 //! becomes of a return is decided by [`super::returning`].
 
-use super::aside::{Bound, enough_m, is_barred, way_aside_for, ways_of_peers};
+use std::collections::BTreeSet;
+
+use tomoswarm_proto::VehicleId;
+
+use super::aside::{Bound, enough_m, is_barred, peers_on_way, way_aside_for, ways_of_peers};
 use super::goal::{Goal, GoalSource, Return, ReturnQueue, ReturnStage};
 use super::home::WayHome;
 use super::kind::RouteRoom;
@@ -36,12 +40,25 @@ impl Mission {
         let search = self.terrain.search(now, state.pose);
         let way_home = WayHome::of(&search, self.settings.home, &claims);
         let pose = state.pose;
-        let bars = || self.bars_on_their_way_home(now, &search);
+        let mut barred = Vec::new();
+        let bars = || {
+            let (bars, peers) = self.bars_on_their_way_home(now, &search);
+            barred = peers;
+            bars
+        };
         let way_aside = |times: u32| self.way_aside(now, &search, &claims, times);
         let (home, unknown) = match returning.turn(queue, (way_home, bars), way_aside) {
             ReturnDecision::Waits(home) => {
                 if queue.barred_since.is_none() {
-                    out.push(Out::MissionEvent(MissionEvent::WaitsForPeers));
+                    let event = match barred.is_empty() {
+                        true => MissionEvent::WaitsForPeers(peers_on_way(
+                            &search,
+                            self.settings.home,
+                            &self.peers,
+                        )),
+                        false => MissionEvent::LetsFirst(barred),
+                    };
+                    out.push(Out::MissionEvent(event));
                 }
                 (home, None)
             }
@@ -101,6 +118,10 @@ impl Mission {
         self.drive(now, out);
         let is_there = self.pilot.way().is_empty();
         if is_there && self.seems_home() {
+            if let Some(back) = self.lets_first_after_all(now, home) {
+                self.goal = Goal::Returning(back);
+                return;
+            }
             self.goal = Goal::Home(home.by);
             out.push(Out::MissionEvent(MissionEvent::Home));
         } else if is_there || self.pilot.is_refused() {
@@ -109,22 +130,38 @@ impl Mission {
         }
     }
 
-    /// Returns whether others that go home cannot get there once this vehicle is at home, or as it stands.
-    fn bars_on_their_way_home(&self, now: Time, search: &PathSearch<'_>) -> Bars {
+    /// Returns what becomes of the return of a vehicle that has come home, if it lets others go first that it bars there: what
+    /// it has seen on its way may show that these can get home by no other way.
+    fn lets_first_after_all(&self, now: Time, home: Return) -> Option<Return> {
+        let pose = self.state.as_ref()?.pose;
+        let bars = || {
+            let search = self.terrain.search(now, pose);
+            self.bars_on_their_way_home(now, &search).0
+        };
+        self.returning(now, home).lets_first_after_all(bars)
+    }
+
+    /// Returns whether others that go home cannot get there once this vehicle is at home, or as it stands; and who.
+    fn bars_on_their_way_home(&self, now: Time, search: &PathSearch<'_>) -> (Bars, Vec<VehicleId>) {
         let (own, home, at) = (self.settings.vehicle, self.settings.home, search.from());
         let mut homeward = self.homeward_peers(now);
-        let stands_in_the_way = homeward.iter().any(|peer| peer.is_barred(search, at));
+        let mut barred: BTreeSet<VehicleId> = BTreeSet::new();
+        let here = homeward.iter().filter(|peer| peer.is_barred(search, at));
+        barred.extend(here.map(|peer| peer.id));
+        let stands_in_the_way = !barred.is_empty();
         homeward.retain(|peer| peer.is_barred(search, home));
+        barred.extend(homeward.iter().map(|peer| peer.id));
         let bars_each_other =
             |peer: &Bound<'_>| own < peer.id && is_barred(search, (at, home), &[], peer.to);
-        match (homeward.is_empty(), stands_in_the_way) {
+        let bars = match (homeward.is_empty(), stands_in_the_way) {
             (true, false) => Bars::Nobody,
             (true, true) => Bars::HereAlone,
             (false, true) => Bars::Here,
             (false, false) if homeward.iter().all(bars_each_other) => Bars::EachOther,
             (false, false) if homeward.iter().any(bars_each_other) => Bars::Here,
             (false, false) => Bars::AtHome,
-        }
+        };
+        (bars, barred.into_iter().collect())
     }
 
     /// Something is in the way on the way aside: the vehicle has come far enough.

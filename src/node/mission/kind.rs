@@ -171,6 +171,11 @@ pub(super) trait Behaviour {
     /// Returns how the mission ends now that its peers have not made room for very long.
     fn give_up(&self) -> EndReason;
 
+    /// Records that its peers have not made room for very long; returns whether it goes on without what they bar.
+    fn goes_on_without(&mut self) -> bool {
+        false
+    }
+
     /// Records that the place to which it wanted to go is passed over.
     fn pass_over(&mut self, _why: PassedOver) {}
 

@@ -135,8 +135,10 @@ pub enum MissionEvent {
     StaysDoubtful(Point, Vec<Point>),
     /// The mission has ended.
     Ended(EndReason),
-    /// Peers are in its way: it waits for them to make room.
-    WaitsForPeers,
+    /// These peers are in its way, none if it cannot say which: it waits for them to make room.
+    WaitsForPeers(Vec<VehicleId>),
+    /// Once it is at home these peers would not get where they go: it lets them go first.
+    LetsFirst(Vec<VehicleId>),
     /// It makes room for peers that are in its way, here.
     StepsAside(Point),
     /// The vehicle is back home.
@@ -206,7 +208,10 @@ impl fmt::Display for MissionEvent {
                 write!(f, "is not sure of a way to {at}: {why}")
             }
             MissionEvent::Ended(how) => write!(f, "has ended its mission: {how}"),
-            MissionEvent::WaitsForPeers => f.write_str("waits for its peers to make room"),
+            MissionEvent::WaitsForPeers(peers) => {
+                write!(f, "waits for {} to make room", peers_in_words(peers))
+            }
+            MissionEvent::LetsFirst(peers) => write!(f, "lets {} go first", peers_in_words(peers)),
             MissionEvent::StepsAside(to) => write!(f, "steps aside to {to} for its peers"),
             MissionEvent::Home => f.write_str("is home"),
             MissionEvent::Silent(peer) => {
@@ -221,6 +226,16 @@ impl fmt::Display for MissionEvent {
             MissionEvent::BusBack => f.write_str("has the bus again"),
             MissionEvent::Decides(cause, status) => write!(f, "{status} by itself: {cause}"),
         }
+    }
+}
+
+/// Returns peers in words.
+fn peers_in_words(peers: &[VehicleId]) -> String {
+    let ids: Vec<String> = peers.iter().map(VehicleId::to_string).collect();
+    match ids.as_slice() {
+        [] => "its peers".to_owned(),
+        [one] => format!("vehicle {one}"),
+        [first @ .., last] => format!("vehicles {} and {last}", first.join(", ")),
     }
 }
 
@@ -446,5 +461,19 @@ mod tests {
         };
         check(vec![Point::new(2.1, 4.7)], "it is barred at [2.100, 4.700]");
         check(Vec::new(), "what may bar it cannot be looked at from near");
+    }
+
+    #[test]
+    fn whom_it_waits_for_is_said_by_name_where_that_is_known() {
+        let ids = |ids: &[u8]| ids.iter().copied().map(VehicleId).collect::<Vec<_>>();
+        let waits = |peers: &[u8]| MissionEvent::WaitsForPeers(ids(peers)).to_string();
+        assert_eq!(waits(&[]), "waits for its peers to make room");
+        assert_eq!(waits(&[3]), "waits for vehicle 3 to make room");
+        assert_eq!(
+            waits(&[1, 3, 12]),
+            "waits for vehicles 1, 3 and 12 to make room"
+        );
+        let first = MissionEvent::LetsFirst(ids(&[2, 4])).to_string();
+        assert_eq!(first, "lets vehicles 2 and 4 go first");
     }
 }

@@ -123,6 +123,11 @@ impl PlaceWatch {
         }
     }
 
+    /// Returns whether the vehicle rests at home: it did when its place was known last, and has rested since.
+    pub(super) fn rests_at_home(&self) -> bool {
+        self.rests_at_home
+    }
+
     /// Returns whether the range sensors answer.
     pub(super) fn sees(&self) -> bool {
         self.blind_since.is_none()
@@ -517,7 +522,11 @@ mod tests {
             lost.is_at_rest = true;
             fed(&mut mission, 3.1, order(OrderKind::Return));
             let out = fed(&mut mission, 3.2, In::State(lost));
-            said(&out).contains(&MissionEvent::Home) || mission.goal.status() == MissionStatus::Home
+            let is_home = mission.on_wire().is_at_home;
+            let says = said(&out).contains(&MissionEvent::Home)
+                || mission.goal.status() == MissionStatus::Home;
+            assert_eq!(says, is_home, "the operator hears the same");
+            is_home
         };
         assert!(comes_home(0.0, false));
         assert!(!comes_home(3.0, false), "it was elsewhere");
@@ -528,6 +537,11 @@ mod tests {
     fn who_came_home_is_home_even_when_it_loses_its_place_and_nobody_comes_home_without_one() {
         let mut mission = started(TaskKind::Browse);
         fed(&mut mission, 2.0, state(0.0, 9.0));
+        assert!(mission.on_wire().is_at_home, "it rests since it was");
+        let mut moves = own_state(0.0, 0.0);
+        (moves.pose.sd_m, moves.is_at_rest) = (9.0, false);
+        fed(&mut mission, 2.1, In::State(moves));
+        fed(&mut mission, 2.2, state(0.0, 9.0));
         assert!(!mission.on_wire().is_at_home, "it may be anywhere");
         mission.goal = Goal::Home(super::super::goal::GoalSource::Order);
         assert!(mission.on_wire().is_at_home);

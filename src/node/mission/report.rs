@@ -30,7 +30,7 @@ impl Mission {
             goal: self.goal_place(),
             slice: self.settings.slice,
             end: self.end(),
-            is_at_home: rests && is_placed && self.seems_home(),
+            is_at_home: rests && (self.place.rests_at_home() || (is_placed && self.seems_home())),
             lease_number: self.leases.greatest().number,
         }
     }

@@ -37,6 +37,8 @@ const PATIENCE: Duration = Duration::from_secs(15);
 const PATIENCE_MAX: Duration = Duration::from_secs(300);
 /// Those whom it would bar at home go first for this long in all, however often it tries.
 const LETS_FIRST_MAX: Duration = Duration::from_secs(300);
+/// Who lets others go first makes more room for them when they have not come home after this long.
+const MORE_ROOM_AFTER: Duration = Duration::from_secs(60);
 /// So many searches in vain, and another vehicle has its turn.
 const FAILURES_MAX: u32 = 6;
 /// Every so many tries the unknown is a resort, although a known way seems to be open.
@@ -128,6 +130,9 @@ impl Returning<'_> {
             let waits = || ReturnDecision::Waits(lets_first.waits_behind_peers(queue));
             let drives = || lets_first.drives(Unknown::LastResort, presses_on);
             return match bars {
+                Bars::AtHome if lets_first.waits_long(queue) => {
+                    lets_first.steps_aside(way_aside).unwrap_or_else(waits)
+                }
                 Bars::Nobody | Bars::AtHome => waits(),
                 Bars::Here | Bars::HereAlone => {
                     lets_first.steps_aside(way_aside).unwrap_or_else(waits)
@@ -150,6 +155,18 @@ impl Returning<'_> {
                 self.drives(Unknown::LastResort, presses_on)
             }
         }
+    }
+
+    /// Returns the return of a vehicle that is at home and bars others there, if it lets them go first.
+    pub(super) fn lets_first_after_all(&self, bars: impl FnOnce() -> Bars) -> Option<Return> {
+        (self.lets_others_first() && bars() != Bars::Nobody)
+            .then(|| self.home.stepped_back(self.now, self.now))
+    }
+
+    /// Returns whether it has waited for so long that those whom it lets go first may need more room than it takes them to.
+    fn waits_long(&self, queue: &ReturnQueue) -> bool {
+        let is_long = |since: Time| self.now.since(since) >= MORE_ROOM_AFTER;
+        queue.barred_since.is_some_and(is_long)
     }
 
     /// Returns whether it still lets those go first whom it would bar at home.

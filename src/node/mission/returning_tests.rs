@@ -7,7 +7,7 @@ use tomoswarm_proto::TileReport;
 use tomoswarm_proto::{State, TileAddress, VehicleId, VehicleMode};
 
 use super::super::tests_support::{own_state, settings, state};
-use super::terrain::tests::tiles_of;
+use super::terrain::tests::{tiles_of, two_rooms};
 use super::tests::{at, fed, order};
 use super::*;
 use crate::geom::Angle;
@@ -280,12 +280,11 @@ fn face_to_face_on_the_ring_it_turns_back_and_goes_the_other_way_round() {
 /// A vehicle at its home in a doorway between two rooms that is sent home, while a peer that is to go home through it stands
 /// east of it; what it says within a while.
 fn sent_home_in_a_doorway(battery: f64) -> Vec<MissionEvent> {
-    let is_wall = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > 1.0;
     let mut mission = Mission::new(VehicleSettings {
         home: Point::new(1.2, 0.0),
         ..settings(1)
     });
-    for tile in tiles_of(|x_m, y_m| is_wall(x_m, y_m) || y_m.abs() > 4.0) {
+    for tile in tiles_of(two_rooms(2.0)) {
         fed(&mut mission, 0.0, In::Tile(tile.into()));
     }
     let mut events = Vec::new();

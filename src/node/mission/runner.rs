@@ -121,6 +121,8 @@ pub(super) struct StepRunner {
     sought: Option<Point>,
     /// At home, when it looks next whether it bars somebody's way.
     room_at: Time,
+    /// So many looks in a row have shown that it bars somebody's way there.
+    looks_barring: u32,
 }
 
 impl StepRunner {
@@ -137,6 +139,7 @@ impl StepRunner {
             progress: ProgressWatch::new(settings),
             sought: None,
             room_at: Time::ZERO,
+            looks_barring: 0,
         })
     }
 
@@ -338,6 +341,9 @@ impl StepRunner {
             (None, _) => self.phase = Phase::Over,
             (Some(_), Some(sought)) => self.pass_over(scene, sought, PassedOver::GivenUp),
             (Some(mission), None) => {
+                if mission.goes_on_without() {
+                    return self.think(scene.now);
+                }
                 let end = match mission.give_up() {
                     EndReason::NoRoom => EndReason::Stalled,
                     other => other,

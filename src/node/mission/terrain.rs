@@ -6,6 +6,7 @@
 
 mod driven_places;
 mod fence_clearance;
+mod optimistic;
 mod others;
 mod peer_clearance;
 mod reflex_obstacles;

@@ -1,8 +1,8 @@
 //! What cannot be looked at from near because peers bar the way to where it could be: that is waited for, and nothing is given up
 //! for it.
 
-use super::{DoubtStep, Doubts, LOOKS_MAX};
-use crate::geom::{Cell, Point};
+use super::{DoubtStep, Doubts};
+use crate::geom::{Cell, Lattice, Point};
 use crate::node::mission::terrain::PathSearch;
 
 impl Doubts {
@@ -14,19 +14,23 @@ impl Doubts {
         goal: Point,
         peers: &[Vec<Point>],
     ) -> bool {
-        let lattice = search.lattice();
-        let is_spent = |cell: &Cell| self.places_of(lattice, *cell).len() >= LOOKS_MAX;
-        let given_up = self.given_up.iter().copied().filter(is_spent);
-        let without = Doubts {
-            given_up: given_up.collect(),
-            ..self.clone()
-        };
+        let without = self.but_for_peers(search.lattice());
         let looks = || matches!(without.clone().judged(search, goal, &[]), DoubtStep::Try(_));
         let waits = !peers.is_empty() && looks();
         if waits {
             *self = without;
         }
         waits
+    }
+
+    /// Returns the same without what was given up although it was not looked at often: peers may have barred the way there.
+    pub(super) fn but_for_peers(&self, lattice: Lattice) -> Doubts {
+        let is_spent = |cell: &Cell| self.is_spent(lattice, *cell);
+        let given_up = self.given_up.iter().copied().filter(is_spent);
+        Doubts {
+            given_up: given_up.collect(),
+            ..self.clone()
+        }
     }
 }
 

@@ -18,6 +18,7 @@
 //! say that they are going, of one that does not say it by its place and way. Deliberately absent: agreements. A goal is
 //! said, not asked for: two that choose at once may choose alike for a moment.
 
+mod doubting;
 mod faces;
 mod frontier_candidates;
 mod known_frontiers;
@@ -39,8 +40,8 @@ use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep, Ro
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
-use crate::node::mission::doubts::{CloseLook, DoubtTry, Doubts};
-use crate::node::mission::terrain::{OpenGround, PathSearch, ReachedGround, Terrain, is_small};
+use crate::node::mission::doubts::Doubts;
+use crate::node::mission::terrain::{OpenGround, ReachedGround, Terrain, is_small};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
 
@@ -124,6 +125,8 @@ pub(crate) struct Seek {
     frontiers: KnownFrontiers,
     /// What peers look at.
     peer_looks: PeerLooks,
+    /// Whether it has waited for peers in vain since it last got on.
+    peers_stay: bool,
 }
 
 impl Behaviour for Seek {
@@ -215,6 +218,11 @@ impl Behaviour for Seek {
         EndReason::NoRoom
     }
 
+    fn goes_on_without(&mut self) -> bool {
+        let waits = matches!(self.stage, Stage::Barred(_));
+        waits && !std::mem::replace(&mut self.peers_stay, true)
+    }
+
     fn tile_changed(&mut self, address: TileAddress) {
         self.frontiers.tile_changed(address);
     }
@@ -262,6 +270,7 @@ impl Seek {
             doubts: Doubts::default(),
             frontiers: KnownFrontiers::default(),
             peer_looks: PeerLooks::default(),
+            peers_stay: false,
         }
     }
 
@@ -312,14 +321,20 @@ impl Seek {
         // For faces alone nobody waits.
         in_vain.retain(|(rigour, _)| *rigour != Rigour::Faces);
         // Peers bar what would be seen without them, on the same ways.
-        if around.peers.iter().next().is_some() {
+        if around.peers.iter().next().is_some() && !self.peers_stay {
             let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
             let seen = in_vain.iter().find_map(|(rigour, sought)| {
                 alone.best(self.looks_of(*rigour), *rigour, sought).ok()
             });
             if let Some(FoundLook { look, ground, .. }) = seen {
-                self.stage = Stage::Barred(ground.grid.lattice().centre(look.from));
-                return MissionStep::YieldToPeers;
+                let from = ground.grid.lattice().centre(look.from);
+                // What may bar the way where it stands can be looked at meanwhile: a peer may wait for that.
+                let near = ways.into_finely();
+                let look = near.and_then(|near| self.doubts.look_meanwhile(&search, near, &claims));
+                return match look {
+                    Some(look) => self.look_closely(&search, look),
+                    None => self.wait_for_peers(from),
+                };
             }
         }
         if search.regards_reflex() {
@@ -342,36 +357,6 @@ impl Seek {
         self.doubt(&search, finely, &claims)
     }
 
-    /// Nothing is left to be looked at from where it can get to: looks from near at what may bar the way to more, or ends.
-    fn doubt(
-        &mut self,
-        search: &PathSearch<'_>,
-        reached: Option<ReachedGround>,
-        claims: &[Vec<Point>],
-    ) -> MissionStep {
-        let reached = reached.or_else(|| search.reached_finely(claims));
-        match self.doubts.toward_unseen(search, reached, claims) {
-            // It chooses anew from there.
-            Ok(DoubtTry::GoBack(route)) => MissionStep::GoAlong(route),
-            Ok(DoubtTry::Look(CloseLook { course, at })) => {
-                self.stage = Stage::Doubting(at);
-                match course {
-                    Some(course) => MissionStep::GoAlong(course),
-                    None => {
-                        self.doubts.note(self.settings.lattice, at, search.from());
-                        MissionStep::LookClosely(at)
-                    }
-                }
-            }
-            Err(unseen_share) if unseen_share > UNSEEN_SHARE => {
-                MissionStep::End(EndReason::ShutIn {
-                    unseen_percent: (100.0 * unseen_share) as u8,
-                })
-            }
-            Err(_) => MissionStep::End(EndReason::Done),
-        }
-    }
-
     fn go_and_look(&mut self, around: &MissionContext<'_>, found: FoundLook) -> MissionStep {
         let FoundLook {
             look,
@@ -391,6 +376,7 @@ impl Seek {
                 &mut self.face_looks,
             ),
         };
+        self.peers_stay = false;
         if look.from == lattice.cell_at(from) {
             self.stage = stage;
             return step;

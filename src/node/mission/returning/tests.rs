@@ -292,6 +292,49 @@ fn those_whom_it_would_bar_are_let_go_first_for_a_while_in_all() {
 }
 
 #[test]
+fn who_lets_others_first_makes_more_room_when_they_have_not_come_home_for_long() {
+    let peers = peers(&[(3, 5.0, true)]);
+    let turn = |now_s: f64, barred_since: Option<f64>| {
+        let queue = ReturnQueue {
+            barred_since: barred_since.map(at),
+            ..queue_since(1.0)
+        };
+        let aside = |_| Some(vec![Point::new(1.0, 0.0)]);
+        let way = (WayHome::Open, || Bars::AtHome);
+        returning(now_s, &peers, ordered()).turn(&queue, way, aside)
+    };
+    let waits = |decision| matches!(decision, ReturnDecision::Waits(_));
+    let steps_aside = |decision| matches!(decision, ReturnDecision::StepsAside(..));
+    assert!(waits(turn(90.0, None)), "it begins to");
+    assert!(waits(turn(65.9, Some(6.0))));
+    assert!(steps_aside(turn(66.0, Some(6.0))));
+}
+
+#[test]
+fn who_bars_others_when_it_has_come_home_lets_them_go_first_after_all() {
+    let none = peers(&[]);
+    let since = |since_s: f64| Return {
+        lets_first_since: Some(at(since_s)),
+        ..under_way(None, false)
+    };
+    let back =
+        |now_s: f64, bars: Bars| returning(now_s, &none, since(6.0)).lets_first_after_all(|| bars);
+    assert_eq!(back(20.0, Bars::Nobody), None);
+    let waits = back(20.0, Bars::Here).unwrap();
+    assert!(!waits.is_under_way() && waits.lets_first_since == Some(at(6.0)));
+    assert_eq!(back(306.0, Bars::Here), None, "long enough in all");
+    let low = Return {
+        by: GoalSource::Itself(AutonomyCause::BatteryLow),
+        ..since(6.0)
+    };
+    let asked = || panic!("it waits for nobody");
+    assert_eq!(
+        returning(20.0, &none, low).lets_first_after_all(asked),
+        None
+    );
+}
+
+#[test]
 fn whether_it_bars_others_is_asked_only_of_one_that_may_let_them_go_first() {
     let peers = peers(&[(3, 5.0, true)]);
     let home = Return {

@@ -3,7 +3,10 @@
 
 use std::time::Duration;
 
+use tomoswarm_proto::VehicleId;
+
 use super::{Destination, Phase, RunnerContext, StepRunner};
+use crate::node::mission::MissionEvent;
 use crate::node::mission::aside::{Bound, ways_of_peers};
 use crate::node::mission::home::HOME_M;
 
@@ -11,8 +14,8 @@ use crate::node::mission::home::HOME_M;
 const LOOK_FOR_ROOM: Duration = Duration::from_secs(10);
 /// So many waits for peers in a row on the way home, and the return in order is waited for.
 const HOME_WAITS_MAX: u32 = 80;
-/// Who is at rest for its mission is over makes room for a peer that has stood for so long on its way.
-const ROOM_AFTER: Duration = Duration::from_secs(20);
+/// Who is at rest for its mission is over makes room for peers that wait, or stand on their ways, at so many looks in a row.
+const ROOM_AFTER_LOOKS: u32 = 3;
 
 impl StepRunner {
     /// The mission has ended: the vehicle goes home over what is known, or else over what nobody has seen, since peers may
@@ -24,8 +27,11 @@ impl StepRunner {
             return;
         }
         let may_wait = self.yields.in_a_row() < HOME_WAITS_MAX;
-        if may_wait && self.lets_others_first(scene) {
-            return self.yield_to_peers(scene);
+        if may_wait {
+            let first = self.lets_first(scene);
+            if !first.is_empty() {
+                return self.yield_saying(scene, |_, _| MissionEvent::LetsFirst(first));
+            }
         }
         let claims = scene.surroundings().claims();
         let courses = self.courses(scene);
@@ -48,11 +54,14 @@ impl StepRunner {
         }
         self.room_at = scene.now + LOOK_FOR_ROOM;
         let search = scene.terrain.search(scene.now, scene.pose());
-        let is_waiting = |bound: &Bound<'_>| {
-            bound.peer.resting && scene.now.since(bound.peer.moved_at) >= ROOM_AFTER
+        let waits = |bound: &Bound<'_>| {
+            let goal = bound.peer.goal(scene.now);
+            bound.peer.resting || goal.is_some_and(|goal| goal.waits)
         };
-        let mut waiting = Bound::all(scene.peers, scene.now).filter(is_waiting);
-        if !waiting.any(|bound| bound.is_barred(&search, scene.pose().at)) {
+        let mut waiting = Bound::all(scene.peers, scene.now).filter(waits);
+        let bars = waiting.any(|bound| bound.is_barred(&search, scene.pose().at));
+        self.looks_barring = if bars { self.looks_barring + 1 } else { 0 };
+        if self.looks_barring < ROOM_AFTER_LOOKS {
             return;
         }
         let separation_m = self.settings.swarm.separation_m;
@@ -62,14 +71,18 @@ impl StepRunner {
             self.progress.get_on(scene.now);
             self.yields.end();
             self.tries.clear();
+            self.looks_barring = 0;
             self.step_aside(scene, &course);
         }
     }
 
-    /// Returns whether peers cannot get where they go once this vehicle is at home.
-    fn lets_others_first(&self, scene: &RunnerContext<'_>) -> bool {
+    /// Returns the peers that cannot get where they go once this vehicle is at home.
+    fn lets_first(&self, scene: &RunnerContext<'_>) -> Vec<VehicleId> {
         let search = scene.terrain.search(scene.now, scene.pose());
         let home = self.settings.home;
-        Bound::all(scene.peers, scene.now).any(|bound| bound.is_barred(&search, home))
+        let all = Bound::all(scene.peers, scene.now);
+        all.filter(|bound| bound.is_barred(&search, home))
+            .map(|bound| bound.id)
+            .collect()
     }
 }

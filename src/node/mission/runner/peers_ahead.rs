@@ -3,18 +3,42 @@
 
 use super::yield_to_peers::{Turn, Yield};
 use super::{Destination, RunnerContext, StepRunner, WAIT};
-use crate::geom::{Point, Segment};
+use crate::geom::{Cell, Point, Segment, Track};
+use crate::map::CellRect;
 use crate::node::mission::MissionEvent;
-use crate::node::mission::aside::{Bound, PeerWay, way_aside, way_aside_for};
+use crate::node::mission::aside::{Bound, PeerWay, peers_on_way, way_aside, way_aside_for};
 use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
 use crate::node::mission::pilot::AHEAD_M;
-use crate::node::mission::terrain::Resolution;
+use crate::node::mission::terrain::{PathSearch, RULES, Resolution};
 use crate::node::vehicle::CommandRefusal;
+use crate::plan::Distances;
+
+/// Nearer than so many separations nobody comes to peers to see more.
+const NEAR_PEERS: f64 = 2.0;
+/// It is worth the way to see more from so much farther along the way, metres.
+const NEARER_M: f64 = 0.5;
+/// So much of a border between what was seen and what was not is worth to be gone to, metres.
+const UNSEEN_M: f64 = 0.6;
+/// Ways are followed in steps of this length, metres.
+const STEP_M: f64 = 0.1;
 
 impl StepRunner {
     /// Waits for peers to make room; steps aside when that takes long, and gives up when it takes too long.
     pub(super) fn yield_to_peers(&mut self, scene: &mut RunnerContext<'_>) {
+        self.yield_saying(scene, |runner, scene| {
+            let search = scene.terrain.search(scene.now, scene.pose());
+            let on_way = |to| peers_on_way(&search, to, scene.peers);
+            MissionEvent::WaitsForPeers(runner.goal().map_or_else(Vec::new, on_way))
+        });
+    }
+
+    /// The same, and what it says when it begins to wait.
+    pub(super) fn yield_saying(
+        &mut self,
+        scene: &mut RunnerContext<'_>,
+        event: impl FnOnce(&StepRunner, &RunnerContext<'_>) -> MissionEvent,
+    ) {
         let from = scene.pose().at;
         let ways = self.ways_of_peers(scene);
         let is_in_the_way = ways.iter().any(|way| way.is_barred_from(from));
@@ -31,17 +55,26 @@ impl StepRunner {
             (Yield::InVain, Some(_), Some(sought)) => {
                 self.pass_over(scene, sought, PassedOver::GivenUp);
             }
-            (Yield::InVain, Some(mission), None) => {
-                let end = mission.give_up();
-                self.finish(scene, end);
-            }
+            (Yield::InVain, Some(mission), None) => match mission.goes_on_without() {
+                true => {
+                    self.yields.end();
+                    self.think(scene.now);
+                }
+                false => {
+                    let end = mission.give_up();
+                    self.finish(scene, end);
+                }
+            },
             (Yield::StepAside, ..) => match self.course_aside(scene, &ways) {
                 Some(course) => self.step_aside(scene, &course),
-                None => self.choose_at(scene.now + WAIT),
+                None => match self.course_nearer(scene) {
+                    Some(course) => self.drive(scene, &course, Destination::Aside),
+                    None => self.choose_at(scene.now + WAIT),
+                },
             },
             (Yield::Wait, ..) | (Yield::InVain, None, _) => {
                 if self.yields.in_a_row() == 1 {
-                    scene.emit(MissionEvent::WaitsForPeers);
+                    scene.emit(event(self, scene));
                 }
                 self.choose_at(scene.now + WAIT);
             }
@@ -107,7 +140,7 @@ impl StepRunner {
         let claims = scene.surroundings().claims();
         let grid = self
             .courses(scene)
-            .ground(None, Resolution::Cells, false, &claims)?;
+            .ground(None, Resolution::Parts, false, &claims)?;
         let room_m = self.yields.room_m(ways);
         let search = scene.terrain.search(scene.now, scene.pose());
         let peers: Vec<Bound<'_>> = Bound::all(scene.peers, scene.now).collect();
@@ -118,5 +151,54 @@ impl StepRunner {
             corners,
             room: RouteRoom::Kept,
         })
+    }
+
+    /// Returns the way to where it sees more of the ground around the peers that bar its way: along the way that there would be
+    /// without them, as far as that is known, and not near to them. `None` where that is no farther than here.
+    fn course_nearer(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
+        let (at, to) = (scene.pose().at, self.goal()?);
+        let search = scene.terrain.search(scene.now, scene.pose());
+        let mut grounds = [false, true].into_iter();
+        let way = grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, &[]))?;
+        let way = Track::new(way)?;
+        let claims = scene.surroundings().claims();
+        let grid = self
+            .courses(scene)
+            .ground(None, Resolution::Parts, false, &claims)?;
+        let nodes = grid.lattice();
+        let reached = Distances::from_start(&grid, nodes.cell_at(at), &RULES).ok()?;
+        let keep_m = NEAR_PEERS * self.settings.swarm.separation_m;
+        let claims: Vec<Track> = claims.into_iter().filter_map(Track::new).collect();
+        let may_go = |place: &Point| {
+            let is_far = |claim: &Track| claim.distance_to_point(*place) >= keep_m;
+            reached.cost_m(nodes.cell_at(*place)).is_some() && claims.iter().all(is_far)
+        };
+        let last = way.places(STEP_M).skip(1).take_while(may_go).last()?;
+        let route = reached.route_to(&grid, at, last)?;
+        let is_worth = last.distance_to(at) >= NEARER_M && self.sees_more(&search, last);
+        is_worth.then(|| DriveRoute {
+            corners: route.points[1..].to_vec(),
+            room: RouteRoom::Kept,
+        })
+    }
+
+    /// Returns whether ground that nobody has seen begins where it is seen from a place.
+    fn sees_more(&self, search: &PathSearch<'_>, place: Point) -> bool {
+        let lattice = search.lattice();
+        let area = CellRect::around(lattice, &[place], self.settings.look.sure_range_m);
+        let (Some(area), Some(map)) = (area, search.fenced_map()) else {
+            return false;
+        };
+        let begins = |cell: &Cell| {
+            let mut beside = CellRect::new(*cell, *cell).grown(1).cells();
+            let is_near =
+                lattice.centre(*cell).distance_to(place) <= self.settings.look.sure_range_m;
+            is_near
+                && map.barred(*cell).is_none()
+                && beside.any(|beside| map.is_unseen(beside))
+                && search.sees_close(place, lattice.centre(*cell))
+        };
+        let begin_m = area.cells().filter(begins).count() as f64 * lattice.cell_m();
+        begin_m >= UNSEEN_M
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::{Boot, MissionProgress, State, TaskKind, VehicleId, VehicleMode};
+use tomoswarm_proto::{Boot, LayerId, MissionProgress, State, TaskKind, VehicleId, VehicleMode};
 
 use super::yield_to_peers::{Turn, Yield};
 use super::*;
@@ -14,7 +14,7 @@ use crate::node::mission::kind::tests_support::obstacle;
 use crate::node::mission::obstruction::ObstructionKind;
 use crate::node::mission::pilot::Pilot;
 use crate::node::mission::place_watch::PlaceWatch;
-use crate::node::mission::terrain::tests::terrain_of;
+use crate::node::mission::terrain::tests::{terrain_of, tiles_valued, two_rooms};
 use crate::node::mission::terrain::{Resolution, Terrain};
 use crate::node::mission::tests::{at, tiles};
 use crate::node::peers::Peers;
@@ -237,7 +237,7 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
     let [waits, MissionEvent::StepsAside(to), ends @ ..] = &events[..] else {
         panic!("{events:?}")
     };
-    assert!(*waits == MissionEvent::WaitsForPeers && to.distance_to(place) > 1.0);
+    assert!(*waits == waits_for_vehicle_2() && to.distance_to(place) > 1.0);
     assert_eq!(
         ends,
         [
@@ -245,6 +245,10 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
             MissionEvent::Ended(EndReason::GaveUp(1))
         ]
     );
+}
+
+fn waits_for_vehicle_2() -> MissionEvent {
+    MissionEvent::WaitsForPeers(vec![VehicleId(2)])
 }
 
 /// A straight leg east, from (3, 0), with a peer that stands on it.
@@ -260,7 +264,7 @@ fn behind_a_peer() -> Rig {
 fn a_straight_leg_waits_for_a_peer_and_is_gone_on_with_from_where_the_vehicle_is() {
     let mut rig = behind_a_peer();
     let yields = |rig: &Rig| rig.runner.phase() == MissionPhase::Yielding;
-    assert_eq!(rig.run(30), [MissionEvent::WaitsForPeers]);
+    assert_eq!(rig.run(30), [waits_for_vehicle_2()]);
     assert!(rig.pilot.way().is_empty() && yields(&rig));
     let gone = State {
         sequence: 2,
@@ -328,7 +332,7 @@ fn a_straight_leg_that_a_peer_never_frees_is_given_up() {
     }
     events.retain(|event| !matches!(event, MissionEvent::StepsAside(_)));
     let ended = MissionEvent::Ended(EndReason::GaveUp(1));
-    assert_eq!(events, [MissionEvent::WaitsForPeers, ended]);
+    assert_eq!(events, [waits_for_vehicle_2(), ended]);
     assert!((180.0..320.0).contains(&rig.now_s), "{} s", rig.now_s);
 }
 
@@ -582,8 +586,7 @@ struct Doorway {
 impl Doorway {
     fn new() -> Doorway {
         let mut rig = Rig::new(TaskKind::Pathfind { places: Vec::new() });
-        let is_wall = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > 1.0;
-        rig.terrain = terrain_of(|x_m, y_m| is_wall(x_m, y_m) || y_m.abs() > 4.0);
+        rig.terrain = terrain_of(two_rooms(2.0));
         rig.runner.settings.home = Point::new(1.2, 0.0);
         rig.own = own_state(1.2, 0.0);
         rig.runner.mission = OwnMission::Ended(EndReason::Done);
@@ -592,7 +595,7 @@ impl Doorway {
     }
 
     /// So many seconds later, when the peer has rested, or driven, west of the doorway all the while; returns the remarks.
-    fn wait(&mut self, seconds: u32, mode: VehicleMode) -> Vec<MissionEvent> {
+    fn wait(&mut self, seconds: u32, mode: VehicleMode, phase: MissionPhase) -> Vec<MissionEvent> {
         let mut events = Vec::new();
         for _ in 0..seconds {
             self.sequence += 1;
@@ -607,7 +610,7 @@ impl Doorway {
                 vehicle: VehicleId(2),
                 boot: peer.boot,
                 goal: Some(Point::new(4.0, 0.0).into()),
-                phase: MissionPhase::Yielding,
+                phase,
                 ..MissionProgress::default()
             };
             self.rig.peers.note_goal(now, &said);
@@ -618,12 +621,57 @@ impl Doorway {
 }
 
 #[test]
+fn who_knows_of_no_place_aside_comes_nearer_where_it_sees_more_and_not_near_to_peers() {
+    // A corridor along x, known up to somewhere, in which a peer stands at the place of the mission.
+    let nearer = |known_to_m: f64, peer_m: f64| {
+        let place = Point::new(peer_m, 0.0);
+        let mut rig = Rig::new(TaskKind::Pathfind {
+            places: vec![place.into()],
+        });
+        rig.own = own_state(-3.0, 0.0);
+        let value = |x_m: f64, y_m: f64| match y_m.abs() {
+            _ if x_m > known_to_m => 0,
+            off_m if off_m < 0.8 => -17,
+            _ => 17,
+        };
+        rig.terrain = Terrain::new(settings(1));
+        let tiles = tiles_valued(LayerId::default(), value);
+        tiles
+            .into_iter()
+            .for_each(|tile| rig.terrain.learn(&tile.into()));
+        for sequence in 1..60 {
+            let peer = State {
+                sequence,
+                ..state(2, peer_m, 0.0)
+            };
+            rig.peers.take(at(rig.now_s), &peer);
+            rig.run(10);
+            if !rig.pilot.way().is_empty() {
+                return Some(rig.pilot.way().end().x_m);
+            }
+        }
+        None
+    };
+    let end_m = nearer(1.0, 9.0).unwrap();
+    assert!((-1.0..1.0).contains(&end_m), "{end_m}");
+    let separation_m = settings(1).swarm.separation_m;
+    let end_m = nearer(3.0, 4.0).unwrap();
+    assert!(end_m <= 4.0 - 2.0 * separation_m && end_m > -1.0, "{end_m}");
+    assert_eq!(nearer(7.0, 4.0), None, "it sees no more there");
+}
+
+#[test]
 fn who_is_done_makes_room_for_a_peer_that_has_waited_and_goes_home_again() {
     let mut doorway = Doorway::new();
     // It has stood there for very long, which says nothing of what begins now.
     doorway.rig.now_s = 5000.0;
-    assert_eq!(doorway.wait(15, VehicleMode::Idle), [], "not at once");
-    let events = doorway.wait(20, VehicleMode::Idle);
+    let waits = MissionPhase::Yielding;
+    assert_eq!(
+        doorway.wait(15, VehicleMode::Idle, waits),
+        [],
+        "not at once"
+    );
+    let events = doorway.wait(20, VehicleMode::Idle, waits);
     let [MissionEvent::StepsAside(to)] = &events[..] else {
         panic!("{events:?}")
     };
@@ -640,19 +688,20 @@ fn who_is_done_makes_room_for_a_peer_that_has_waited_and_goes_home_again() {
 }
 
 #[test]
-fn nobody_makes_room_for_a_peer_that_drives_or_when_its_motors_are_off_or_away_from_home() {
-    let stays = |mode: VehicleMode, change: fn(&mut Rig)| {
+fn nobody_makes_room_for_a_peer_that_goes_on_or_when_its_motors_are_off_or_away_from_home() {
+    let stays = |mode: VehicleMode, phase: MissionPhase, change: fn(&mut Rig)| {
         let mut doorway = Doorway::new();
         change(&mut doorway.rig);
-        let events = doorway.wait(60, mode);
-        assert!(
-            events.is_empty() && doorway.rig.pilot.way().is_empty(),
-            "{events:?}"
-        );
+        let events = doorway.wait(60, mode, phase);
+        events.is_empty() && doorway.rig.pilot.way().is_empty()
     };
-    stays(VehicleMode::Driving, |_| ());
-    stays(VehicleMode::Idle, |rig| rig.own.is_armed = false);
-    stays(VehicleMode::Idle, |rig| {
+    let (drives, stands) = (VehicleMode::Driving, VehicleMode::Idle);
+    let (goes, waits) = (MissionPhase::Going, MissionPhase::Yielding);
+    assert!(stays(drives, goes, |_| ()));
+    assert!(!stays(stands, goes, |_| ()), "it stands there");
+    assert!(!stays(drives, waits, |_| ()), "it comes nearer, or aside");
+    assert!(stays(stands, waits, |rig| rig.own.is_armed = false));
+    assert!(stays(stands, waits, |rig| {
         rig.runner.settings.home = Point::new(4.0, 3.0);
-    });
+    }));
 }

@@ -10,6 +10,9 @@ use crate::plan::{Component, Distances, SearchGrid};
 /// A way leads to a place when it comes as near to it, metres: who goes to look at something gives that for its goal.
 const BESIDE_M: f64 = 0.7;
 
+/// So much more than the separation others need to get past whoever stands somewhere: their maps differ, metres.
+const SPARE_M: f64 = 0.15;
+
 /// Over which ground a way leads.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Ground {
@@ -73,6 +76,7 @@ impl PathSearch<'_> {
         let mut grid = self.ground(Some(to), resolution, ground == Ground::UnknownToo, &[])?;
         let clearance = PeerClearance {
             from,
+            separation_m: self.settings.swarm.separation_m + SPARE_M,
             ..self.peer_clearance(grid.lattice())
         };
         for place in stand {
@@ -87,7 +91,7 @@ impl PathSearch<'_> {
 mod tests {
     use super::Ground;
     use crate::geom::Point;
-    use crate::node::mission::terrain::tests::terrain_of;
+    use crate::node::mission::terrain::tests::{terrain_of, two_rooms};
     use crate::node::tests_support::own_state;
     use crate::time::Time;
 
@@ -97,8 +101,7 @@ mod tests {
 
     /// Whether a vehicle at a place bars somebody's way in two rooms with a doorway of so many metres between them.
     fn bars(doorway_m: f64, ends: (Point, Point), place: Point) -> bool {
-        let is_wall = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > doorway_m / 2.0;
-        let terrain = terrain_of(|x_m, y_m| is_wall(x_m, y_m) || y_m.abs() > 4.0);
+        let terrain = terrain_of(two_rooms(doorway_m));
         let search = terrain.search(Time::ZERO, own_state(place.x_m, place.y_m).pose);
         let ground = Ground::Known;
         let is_open = |stand: &[Point]| search.is_open_for(ends, ground, stand);

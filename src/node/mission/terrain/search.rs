@@ -57,7 +57,7 @@ impl Resolution {
 }
 
 /// Between places of the track that are farther apart nobody knows how it has come from one to the other, metres.
-const JUMP_M: f64 = 2.0;
+pub(super) const JUMP_M: f64 = 2.0;
 /// Ground of this size is worth to wait for until it can be driven to again, square metres.
 const CUT_OFF_M2: f64 = 1.0;
 
@@ -352,49 +352,6 @@ impl PathSearch<'_> {
         resolution != Resolution::Parts && !grid.passable(here)
     }
 
-    /// Returns where the vehicle might be in all of the fence if nothing stood but what is confirmed; `None` when the fence is
-    /// too large to search. Peers and what only the reflex has met are not regarded: they come and go. `doubted`
-    /// (ascending) are cells that are taken for free although they are confirmed.
-    pub(crate) fn optimistic_ground(
-        &self,
-        goal: Option<Point>,
-        doubted: &[Cell],
-    ) -> Option<SearchGrid> {
-        let area = self.fenced(goal.unwrap_or(self.pose.at))?;
-        let (body_m, cell_m) = (self.settings.body.radius_m, self.settings.lattice.cell_m());
-        let planned = planned(self.settings, self.pose);
-        let clearance = planned.optimistic(body_m, self.pose.sd_m, cell_m);
-        let view = self.map.view(self.settings.slice, area);
-        let nodes = NodeSpacing::HalfCell;
-        let bars = |cell: Cell, bar| bar >= Bar::Confirmed && doubted.binary_search(&cell).is_err();
-        let mut grid =
-            SearchGrid::of_parts(&view, area, clearance, bars, self.pose.at, nodes).ok()?;
-        self.close_fence_at_body(&mut grid);
-        // It came through there, whatever the map says now.
-        for pair in self.driven.windows(2) {
-            if pair[0].distance_to(pair[1]) <= JUMP_M {
-                grid.open_wholly_along(pair);
-            }
-        }
-        grid.stand_on(grid.lattice().cell_at(self.pose.at));
-        Some(grid)
-    }
-
-    /// Returns all confirmed cells of the fence, ascending.
-    pub(crate) fn confirmed_cells(&self) -> Vec<Cell> {
-        let Some(area) = self.fenced(self.pose.at) else {
-            return Vec::new();
-        };
-        let view = self.map.view(self.settings.slice, area);
-        let is_confirmed = |cell: &Cell| {
-            view.barred(*cell)
-                .is_some_and(|barred| barred.bar == Bar::Confirmed)
-        };
-        let mut confirmed: Vec<Cell> = area.cells().filter(is_confirmed).collect();
-        confirmed.sort_unstable();
-        confirmed
-    }
-
     /// Returns whether a look along a straight line at a place from near shows another place as well.
     pub(crate) fn covers(&self, from: Point, at: Point, place: Point) -> bool {
         let off = from.angle_to(place) - from.angle_to(at);
@@ -487,8 +444,13 @@ impl PathSearch<'_> {
 
     /// Returns whether a straight way to a place keeps clear of what a peer claims, as the vehicle actor asks.
     pub(crate) fn is_clear_of(&self, to: Point, claim: &[Point]) -> bool {
+        self.is_way_clear_of(&[self.pose.at, to], claim)
+    }
+
+    /// Returns the same of a way with corners.
+    pub(crate) fn is_way_clear_of(&self, way: &[Point], claim: &[Point]) -> bool {
         self.peer_clearance(self.settings.lattice)
-            .holds_along(&[self.pose.at, to], claim)
+            .holds_along(way, claim)
     }
 
     pub(super) fn peer_clearance(&self, lattice: Lattice) -> PeerClearance {
@@ -513,7 +475,7 @@ impl PathSearch<'_> {
     }
 
     /// Returns the cells of the fence, and of start and goal; `None` when these are too many.
-    fn fenced(&self, goal: Point) -> Option<CellRect> {
+    pub(super) fn fenced(&self, goal: Point) -> Option<CellRect> {
         let fence = self.settings.fence.corners().iter().copied();
         let places: Vec<Point> = fence.chain([self.pose.at, goal]).collect();
         CellRect::around(self.settings.lattice, &places, 0.0).filter(is_small)

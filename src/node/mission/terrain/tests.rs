@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use tomoswarm_proto::{TileAddress, TileReport};
+use tomoswarm_proto::{LayerId, TileAddress, TileReport};
 
 use super::*;
 use crate::geom::Track;
@@ -19,23 +19,36 @@ fn pose(x_m: f64, y_m: f64) -> Pose {
 
 /// Tiles of ground that is solid where the predicate says so, by the middle of a cell in metres, and free elsewhere.
 pub(in crate::node::mission) fn tiles_of(is_solid: impl Fn(f64, f64) -> bool) -> Vec<TileReport> {
+    tiles_valued(LayerId::default(), |x_m, y_m| {
+        if is_solid(x_m, y_m) { 17 } else { -17 }
+    })
+}
+
+/// Tiles in which a layer says so much of each cell, 0.1 log-odds, by its middle in metres.
+pub(in crate::node::mission) fn tiles_valued(
+    layer: LayerId,
+    value: impl Fn(f64, f64) -> i8,
+) -> Vec<TileReport> {
     let middle_m = |tile: i32, cell: usize| (f64::from(tile * 32) + cell as f64 + 0.5) * 0.2;
-    let value = |x: i32, y: i32, index: usize| match is_solid(
-        middle_m(x, index % 32),
-        middle_m(y, index / 32),
-    ) {
-        true => 17,
-        false => -17,
-    };
+    let value =
+        |x: i32, y: i32, index: usize| value(middle_m(x, index % 32), middle_m(y, index / 32));
     let addresses = (-1..1).flat_map(|x| (-1..1).map(move |y| (x, y)));
     addresses
         .map(|(x, y)| TileReport {
-            layer: Default::default(),
+            layer,
             address: TileAddress { slice: 0, x, y },
             revision: 1,
             cells: Arc::new(std::array::from_fn(|index| value(x, y, index))),
         })
         .collect()
+}
+
+/// Says what is solid of two rooms west and east of a wall with a doorway of so many metres, at [1.2, 0].
+pub(in crate::node::mission) fn two_rooms(doorway_m: f64) -> impl Fn(f64, f64) -> bool {
+    move |x_m, y_m| {
+        let is_wall = (1.0..1.4).contains(&x_m) && y_m.abs() > doorway_m / 2.0;
+        is_wall || y_m.abs() > 4.0
+    }
 }
 
 /// What is known of such ground.

@@ -118,7 +118,7 @@ fn what_stays_unknown_after_some_looks_is_left_and_the_search_ends() {
     for prefers in [Preference::NearObjects, Preference::FarFromPeers] {
         let (end, looks) = World::new(prefers).run();
         // The map stays as it is whatever is looked at, most of it unknown.
-        assert_eq!(end, EndReason::ShutIn { unseen_percent: 85 });
+        assert_eq!(end, EndReason::ShutIn { unseen_percent: 86 });
         assert!((20..500).contains(&looks), "{looks} looks");
     }
 }
@@ -141,6 +141,25 @@ fn what_cannot_be_searched_at_all_is_said() {
         EndReason::NoRoom,
         "it has no places to give up"
     );
+}
+
+#[test]
+fn who_has_waited_for_peers_in_vain_goes_on_without_what_they_bar_until_it_gets_on() {
+    let mut world = World::new(Preference::FarFromPeers);
+    assert!(!world.seek.goes_on_without(), "it does not wait");
+    let from = Point::new(3.0, 0.0);
+    world.seek.stage = Stage::Barred(from);
+    assert!(world.seek.goes_on_without(), "once");
+    world.seek.stage = Stage::Barred(from);
+    assert!(!world.seek.goes_on_without(), "in vain again");
+    // Something can be looked at after all.
+    world.seek.stage = Stage::Choosing;
+    assert!(matches!(
+        world.tell(MissionInput::Ready),
+        MissionStep::GoAlong(_)
+    ));
+    world.seek.stage = Stage::Barred(from);
+    assert!(world.seek.goes_on_without());
 }
 
 #[test]
