@@ -3,6 +3,7 @@
 
 use super::{CloseLook, DoubtStep, DoubtTry, Doubts, Reached, SMALL_CELLS, is_shut_in};
 use crate::geom::{Cell, Point};
+use crate::map::Bar;
 use crate::node::mission::terrain::{PathSearch, RULES, ReachedGround, Resolution};
 use crate::plan::{Component, Distances, SearchGrid};
 
@@ -126,8 +127,8 @@ impl Doubts {
         }
     }
 
-    /// See [`Doubts::toward_unseen`]; `None` when the fence is too large to search. What was looked at from near as often as
-    /// that may be, and bars still, bounds what might be reached.
+    /// See [`Doubts::toward_unseen`]; `None` when the fence is too large to search. Where something was heard, which was looked
+    /// at from near as often as that may be and bars still, what might be reached ends.
     fn unseen_share(
         &self,
         search: &PathSearch<'_>,
@@ -135,10 +136,15 @@ impl Doubts {
         reached: Option<&Reached>,
     ) -> Option<f64> {
         let mut whole = search.optimistic_by_all()?;
-        self.close_bars(search, &mut whole, |cell| {
-            self.is_spent(search.lattice(), *cell)
-        });
         let (map, lattice, nodes) = (search.fenced_map()?, search.lattice(), whole.lattice());
+        // Ground that is unknown after all looks may be empty.
+        let is_heard = |cell| {
+            map.barred(cell)
+                .is_some_and(|barred| barred.bar >= Bar::Doubtful)
+        };
+        self.close_bars(search, &mut whole, |cell| {
+            self.is_spent(lattice, *cell) && is_heard(*cell)
+        });
         let might = Component::around(&whole, nodes.cell_at(search.from()), &RULES);
         let is_shut_in = is_shut_in(search, &whole);
         let (mut all, mut unseen) = (0_u32, 0_u32);
@@ -221,6 +227,11 @@ mod tests {
         assert!(looks >= 3 && share < 0.1, "{looks} looks, {share}");
         let (_, share) = explored(&terrain(17, false), &mut Doubts::default(), &[]);
         assert!(share < 0.1, "a wall: {share}");
+        let (looks, share) = explored(&terrain(0, false), &mut Doubts::default(), &[]);
+        assert!(
+            looks >= 3 && share > 0.9,
+            "nobody has heard anything: {share}"
+        );
     }
 
     #[test]
