@@ -142,13 +142,17 @@ pub(super) fn is_barred(
 /// Returns the peers that stand, or claim to drive, on the way to a place as it would be without them: known if there is such a
 /// way.
 pub(super) fn peers_on_way(search: &PathSearch<'_>, to: Point, peers: &Peers) -> Vec<VehicleId> {
-    let mut grounds = [false, true].into_iter();
-    let Some(way) = grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, &[]))
-    else {
+    let Some(way) = way_without_peers(search, to) else {
         return Vec::new();
     };
     let is_on_it = |(_, peer): &(VehicleId, &Peer)| !search.is_way_clear_of(&way, &peer.claim);
     peers.iter().filter(is_on_it).map(|(id, _)| id).collect()
+}
+
+/// Returns the way to a place as it would be without peers: known if there is such a way.
+pub(super) fn way_without_peers(search: &PathSearch<'_>, to: Point) -> Option<Vec<Point>> {
+    let mut grounds = [false, true].into_iter();
+    grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, &[]))
 }
 
 /// Returns where a peer goes that is not there yet.
@@ -198,8 +202,8 @@ pub(super) fn way_aside_for(
 ) -> Option<Vec<Point>> {
     let bars = |place: Point| peers.iter().any(|peer| peer.is_barred(search, place));
     // Who bars somebody's way as it stands has to go, however little it gains by that.
-    let mut barring: Vec<Point> = Vec::new();
-    barring.extend(Some(search.from()).filter(|at| bars(*at)));
+    let here = Some(search.from()).filter(|at| bars(*at));
+    let mut barring: Vec<Point> = here.into_iter().collect();
     for _ in 0..PLACES_ASIDE {
         let is_elsewhere = |place: Point| barring.iter().all(|at| at.distance_to(place) > APART_M);
         let may_stand_there = |place: Point| may_stand(place) && is_elsewhere(place);

@@ -6,7 +6,9 @@ use super::{Destination, RunnerContext, StepRunner, WAIT};
 use crate::geom::{Cell, Point, Segment, Track};
 use crate::map::CellRect;
 use crate::node::mission::MissionEvent;
-use crate::node::mission::aside::{Bound, PeerWay, peers_on_way, way_aside, way_aside_for};
+use crate::node::mission::aside::{
+    Bound, PeerWay, peers_on_way, way_aside, way_aside_for, way_without_peers,
+};
 use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
 use crate::node::mission::pilot::AHEAD_M;
@@ -158,9 +160,7 @@ impl StepRunner {
     fn course_nearer(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
         let (at, to) = (scene.pose().at, self.goal()?);
         let search = scene.terrain.search(scene.now, scene.pose());
-        let mut grounds = [false, true].into_iter();
-        let way = grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, &[]))?;
-        let way = Track::new(way)?;
+        let way = Track::new(way_without_peers(&search, to)?)?;
         let claims = scene.surroundings().claims();
         let grid = self
             .courses(scene)
