@@ -44,6 +44,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyStop, Order, OrderKind, RunId, Task};
 
 use self::announcements::Announcements;
+use self::aside::BarringLooks;
 use self::assignment::Assignment;
 use self::autonomy::{Autonomy, Decision};
 use self::goal::{Goal, GoalSource};
@@ -89,6 +90,8 @@ pub struct Mission {
     ages: StateAges,
     leases: PlanLeases,
     announcements: Announcements,
+    /// Whether it bars the ways of others at home after a return.
+    barring: BarringLooks,
 }
 
 impl Mission {
@@ -110,6 +113,7 @@ impl Mission {
             autonomy: Autonomy::default(),
             ages: StateAges::default(),
             leases,
+            barring: BarringLooks::default(),
         }
     }
 
@@ -146,7 +150,11 @@ impl Mission {
             Goal::Following | Goal::Returning(_) if !self.may_move() => self.stay(),
             Goal::Following => self.follow(now, out),
             Goal::Returning(home) => self.bring_home(now, home, out),
-            Goal::Held(_) | Goal::Waiting | Goal::Home(_) => self.stay(),
+            Goal::Home(by) => {
+                self.stay();
+                self.make_room_at_home(now, by, out);
+            }
+            Goal::Held(_) | Goal::Waiting => self.stay(),
         }
         self.report(out);
     }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Control, MissionPhase, MissionProgress, StandReason, State, VehicleId,
+    Boot, Control, MissionKind, MissionPhase, MissionProgress, StandReason, State, VehicleId,
 };
 
 use super::radio::BeaconReport;
@@ -23,7 +23,7 @@ use crate::time::Time;
 const STRANGER_FOR: Duration = Duration::from_secs(60);
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
-/// A vehicle that drove when it was heard last is not waited for any longer than this.
+/// A vehicle of which nothing was heard for this long is not waited for.
 const GONE_AFTER: Duration = Duration::from_secs(20);
 /// A beacon tells a vehicle's place when no state has for this long.
 const STATE_COUNTS: Duration = Duration::from_secs(1);
@@ -76,13 +76,24 @@ pub(super) struct Peer {
     told: Option<(Time, PeerGoal)>,
 }
 
+/// What a peer goes somewhere for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) enum GoalPurpose {
+    /// Its mission leads it to the place itself.
+    Visit,
+    /// Its mission is to see what is there.
+    See,
+    /// It goes home.
+    Home,
+}
+
 /// Where a peer is going.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub(super) struct PeerGoal {
     /// The place.
     pub at: Point,
-    /// Its mission leads there; otherwise it goes home.
-    pub is_of_mission: bool,
+    /// What it goes there for.
+    pub purpose: GoalPurpose,
     /// It stands, or is aside, until others make room for it.
     pub waits: bool,
 }
@@ -91,6 +102,11 @@ impl Peer {
     /// Returns whether it has been heard neither by bus nor by radio lately.
     pub(super) fn is_silent(&self, now: Time) -> bool {
         now.since(self.heard_at) > SILENT_AFTER
+    }
+
+    /// Returns whether nothing was heard of it for so long that nobody waits for it: its software has ended, or it has gone away.
+    pub(super) fn is_gone(&self, now: Time) -> bool {
+        now.since(self.heard_at) > GONE_AFTER
     }
 
     /// Returns where it is going, as it said lately. One that has fallen silent, does not know its place or is steered by somebody
@@ -103,7 +119,8 @@ impl Peer {
 
     /// Returns whether it is on its way home.
     pub(super) fn goes_home(&self, now: Time) -> bool {
-        self.goal(now).is_some_and(|goal| !goal.is_of_mission)
+        self.goal(now)
+            .is_some_and(|goal| goal.purpose == GoalPurpose::Home)
     }
 
     /// Returns whether it is an obstacle that does not move: it rests, or nothing is heard of it.
@@ -226,7 +243,7 @@ impl Peers {
             let goal = said.goal.filter(|_| said.phase != MissionPhase::Held);
             let goal = goal.map(|at| PeerGoal {
                 at: at.into(),
-                is_of_mission: said.end.is_none() && said.phase != MissionPhase::Returning,
+                purpose: purpose(said),
                 waits: said.phase == MissionPhase::Yielding,
             });
             peer.told = goal.map(|goal| (now, goal));
@@ -318,6 +335,12 @@ impl Peers {
         standing.map(|peer| peer.claim.clone()).collect()
     }
 
+    /// Returns what those claimed last of whom nothing was heard for so long that nobody waits for them.
+    pub(super) fn claims_of_gone(&self, now: Time) -> Vec<Vec<Point>> {
+        let gone = self.newest.values().filter(|peer| peer.is_gone(now));
+        gone.map(|peer| peer.claim.clone()).collect()
+    }
+
     /// Returns one of the others, if it was ever heard.
     pub(super) fn get(&self, vehicle: VehicleId) -> Option<&Peer> {
         self.newest.get(&vehicle)
@@ -361,6 +384,21 @@ fn is_resting(state: &State) -> bool {
     state.leg.is_none() && !is_steered(state) && !state.mode.moves()
 }
 
+/// Returns what a vehicle goes for to where it says that it goes.
+fn purpose(said: &MissionProgress) -> GoalPurpose {
+    let has_ended = said.end.is_some() || said.phase == MissionPhase::Returning;
+    match said.kind {
+        _ if has_ended => GoalPurpose::Home,
+        MissionKind::Explore | MissionKind::Search | MissionKind::Browse => GoalPurpose::See,
+        MissionKind::Sweep
+        | MissionKind::Legs
+        | MissionKind::Forward
+        | MissionKind::Pathfind
+        | MissionKind::Patrol
+        | MissionKind::Stored => GoalPurpose::Visit,
+    }
+}
+
 /// Returns up to where one claims the ground that moves and does not say whereto.
 fn way_ahead(pose: Pose) -> Point {
     pose.at + Vector::polar(pose.heading, AHEAD_M)
@@ -397,7 +435,7 @@ pub(super) fn keeps_clear(from: Point, route: &Track, claim: &Track, separation_
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::VehicleMode;
+    use tomoswarm_proto::{MissionEnd, VehicleMode};
 
     use super::super::tests_support::state;
     use super::*;
@@ -432,21 +470,22 @@ mod tests {
             };
             peers.note_goal(at(1.0), &said);
             let peer = peers.get(VehicleId(2)).and_then(|peer| peer.goal(at(1.0)));
-            peer.map(|goal| (goal.at.x_m, goal.is_of_mission))
+            peer.map(|goal| (goal.at.x_m, goal.purpose))
         };
         let going = MissionPhase::Going;
         assert_eq!(says(&mut peers, 1, Some(5.0), going), None, "never placed");
         peers.take(at(1.0), &state(2, 3.0, 0.0));
-        assert_eq!(says(&mut peers, 1, Some(5.0), going), Some((5.0, true)));
+        let visits = Some((5.0, GoalPurpose::Visit));
+        assert_eq!(says(&mut peers, 1, Some(5.0), going), visits);
         let next = State {
             sequence: 2,
             ..state(2, 3.1, 0.0)
         };
         peers.take(at(1.2), &next);
         let old = says(&mut peers, 0, Some(9.0), going);
-        assert_eq!(old, Some((5.0, true)), "another start of it");
+        assert_eq!(old, visits, "another start of it");
         let home = says(&mut peers, 1, Some(0.0), MissionPhase::Returning);
-        assert_eq!(home, Some((0.0, false)));
+        assert_eq!(home, Some((0.0, GoalPurpose::Home)));
         assert_eq!(says(&mut peers, 1, None, going), None);
         let held = says(&mut peers, 1, Some(5.0), MissionPhase::Held);
         assert_eq!(held, None, "until somebody lets it");
@@ -457,6 +496,30 @@ mod tests {
         };
         peers.take(at(2.0), &restarted);
         assert_eq!(peers.get(VehicleId(2)).unwrap().goal(at(2.0)), None);
+    }
+
+    #[test]
+    fn what_a_peer_goes_for_is_said_by_what_it_is_out_for() {
+        let of = |kind: MissionKind, end: Option<MissionEnd>| {
+            purpose(&MissionProgress {
+                kind,
+                end,
+                ..MissionProgress::default()
+            })
+        };
+        assert_eq!(of(MissionKind::Explore, None), GoalPurpose::See);
+        assert_eq!(of(MissionKind::Patrol, None), GoalPurpose::Visit);
+        let over = of(MissionKind::Explore, Some(MissionEnd::Done));
+        assert_eq!(over, GoalPurpose::Home);
+    }
+
+    #[test]
+    fn nobody_waits_for_a_peer_of_which_nothing_was_heard_for_long() {
+        let mut peers = Peers::new(VehicleId(1));
+        peers.take(at(1.0), &state(2, 3.0, 0.0));
+        assert!(peers.claims_of_gone(at(21.0)).is_empty());
+        let claimed = vec![vec![Point::new(3.0, 0.0)]];
+        assert_eq!(peers.claims_of_gone(at(21.1)), claimed);
     }
 
     #[test]

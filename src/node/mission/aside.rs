@@ -2,13 +2,15 @@
 //! stands in their way. When a vehicle steps aside is decided by who drives: [`super::runner`], [`super::returning`].
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
 use super::home::HOME_M;
-use super::terrain::{Ground, PathSearch, RULES};
+use super::terrain::{Ground, PathSearch, RULES, Trip};
 use crate::geom::{Cell, Point, Track};
-use crate::node::peers::{Peer, Peers};
+use crate::node::peers::{GoalPurpose, Peer, PeerGoal, Peers};
 use crate::plan::{Distances, SearchGrid};
 use crate::time::Time;
 
@@ -25,14 +27,50 @@ const ROOM_M: f64 = 6.0;
 /// The same from ways that are known, in separations; and so much more for every time that it has stepped aside in a row.
 const ROOM_TO_WAY: f64 = 1.5;
 
+/// Who is at rest for nothing is left to be done makes room for others when so many looks in a row have shown that it bars them.
+pub(super) const ROOM_AFTER_LOOKS: u32 = 3;
+
 /// Places aside that are nearer to each other bar the same ways, metres.
 const APART_M: f64 = 0.8;
 /// Who is this near to a place stands there itself, metres.
 const SAME_M: f64 = 0.4;
+/// Who goes to see something gives that for its goal, and comes so near to it, metres.
+const SEES_M: f64 = 0.7;
+/// Who visits a place is on its way to that very place: its map may differ by this, metres.
+const AT_PLACE_M: f64 = 0.1;
 /// So many places aside are looked at until one bars nobody's way.
 const PLACES_ASIDE: usize = 6;
 /// Over which ground others go: what is known, if it leads there.
 const GROUNDS: [Ground; 2] = [Ground::Known, Ground::UnknownToo];
+
+/// Who is at rest for nothing is left to be done looks this often whether it bars somebody's way.
+const LOOK_EVERY: Duration = Duration::from_secs(10);
+
+/// What a vehicle at rest has seen of whether it bars the ways of others.
+#[derive(Clone, Copy, Default, Debug, Serialize, Deserialize)]
+pub(super) struct BarringLooks {
+    next_at: Time,
+    in_a_row: u32,
+}
+
+impl BarringLooks {
+    /// Returns whether it is to look again.
+    pub(super) fn are_due(&self, now: Time) -> bool {
+        self.next_at <= now
+    }
+
+    /// Records what it has seen; returns how many looks in a row have shown that it bars somebody's way.
+    pub(super) fn note(&mut self, now: Time, bars: bool) -> u32 {
+        self.next_at = now + LOOK_EVERY;
+        self.in_a_row = if bars { self.in_a_row + 1 } else { 0 };
+        self.in_a_row
+    }
+
+    /// It makes room: what it has seen before counts no more.
+    pub(super) fn begin_anew(&mut self) {
+        self.in_a_row = 0;
+    }
+}
 
 /// Where a peer is, and where it wants to go from there: straight, unless its way was searched.
 #[derive(Clone, PartialEq, Debug)]
@@ -43,12 +81,12 @@ pub(super) struct PeerWay {
 }
 
 impl PeerWay {
-    /// Makes the way of a peer; one that is not heard goes nowhere.
+    /// Makes the way of a peer; one that is not heard any more goes nowhere.
     pub(super) fn of(peer: &Peer, now: Time, separation_m: f64) -> PeerWay {
         let goal = peer.goal(now);
         PeerWay {
             way: Track::straight(peer.at, goal.map_or(peer.at, |goal| goal.at)),
-            is_known: goal.is_some(),
+            is_known: goal.is_some() || peer.is_silent(now),
             separation_m,
         }
     }
@@ -74,6 +112,8 @@ pub(super) struct Bound<'a> {
     pub peer: &'a Peer,
     /// Where it goes.
     pub to: Point,
+    /// It is there when it is so near, metres; where it says that for two things, it is one of the two.
+    beside_m: &'static [f64],
     /// Where others stand who are where they want to be, or go nowhere that anybody knows of.
     stay: Vec<Point>,
 }
@@ -82,13 +122,19 @@ impl Bound<'_> {
     /// Returns those that are heard, and are not yet where they said that they go.
     pub(super) fn all(peers: &Peers, now: Time) -> impl Iterator<Item = Bound<'_>> {
         peers.iter().filter_map(move |(id, peer)| {
-            let to = goes_to(peer, now)?;
+            let goal = goes_to(peer, now)?;
             let stay = |(other, peer): (VehicleId, &Peer)| {
                 let stays = other != id && peer.stands(now) && goes_to(peer, now).is_none();
                 stays.then_some(peer.at)
             };
             let stay = peers.iter().filter_map(stay).collect();
-            Some(Bound { id, peer, to, stay })
+            Some(Bound {
+                id,
+                peer,
+                to: goal.at,
+                beside_m: beside_m(&goal),
+                stay,
+            })
         })
     }
 
@@ -96,43 +142,62 @@ impl Bound<'_> {
     /// that does not lead there anyway, over what nobody has seen; as the others stand, or, if these bar its way anyway, without
     /// them.
     pub(super) fn is_barred(&self, search: &PathSearch<'_>, place: Point) -> bool {
-        is_barred(search, self.ends(), &self.stay, place)
+        self.trips()
+            .any(|trip| is_barred(search, &trip, &self.stay, place))
+    }
+
+    /// Returns whether somebody else cannot get somewhere once this one is where it goes, as the others stand.
+    pub(super) fn bars_there(&self, search: &PathSearch<'_>, trip: &Trip) -> bool {
+        is_barred(search, trip, &self.stay, self.to)
+    }
+
+    /// Returns where others stand who are where they want to be, or go nowhere that anybody knows of.
+    pub(super) fn stay(&self) -> &[Point] {
+        &self.stay
     }
 
     /// Returns the way there: past those who stay if there is one, known if there is one.
     fn way(&self, search: &PathSearch<'_>) -> Option<Track> {
         let past = |stand: &[Point]| {
             let mut ways = GROUNDS.into_iter();
-            ways.find_map(|ground| search.way_for(self.ends(), ground, stand))
+            ways.find_map(|ground| {
+                self.trips()
+                    .find_map(|trip| search.way_for(&trip, ground, stand))
+            })
         };
         past(&self.stay).or_else(|| past(&[]))
     }
 
-    fn ends(&self) -> (Point, Point) {
-        (self.peer.at, self.to)
+    fn trips(&self) -> impl Iterator<Item = Trip> {
+        self.beside_m.iter().map(|beside_m| Trip {
+            from: self.peer.at,
+            to: self.to,
+            beside_m: *beside_m,
+        })
     }
 }
 
-/// Returns whether a vehicle that stands at a place bars the way between two others, where some others stay; see
+/// Returns whether a vehicle that stands at a place bars a way of somebody else, where some others stay; see
 /// [`Bound::is_barred`].
-pub(super) fn is_barred(
-    search: &PathSearch<'_>,
-    ends: (Point, Point),
-    stay: &[Point],
-    place: Point,
-) -> bool {
+fn is_barred(search: &PathSearch<'_>, trip: &Trip, stay: &[Point], place: Point) -> bool {
     // Who stands there has left it before anybody else comes.
-    if ends.0.distance_to(place) < SAME_M {
+    if trip.from.distance_to(place) < SAME_M {
         return false;
     }
     let all: Vec<Point> = stay.iter().copied().chain([place]).collect();
     for ground in GROUNDS {
-        let is_open = |stand: &[Point]| search.is_open_for(ends, ground, stand);
+        let is_open = |stand: &[Point]| search.is_open_for(trip, ground, stand);
         if is_open(&all) {
             return false;
         }
-        let is_barred_alone = || !stay.is_empty() && is_open(&[]) && !is_open(&[place]);
-        if is_open(stay) || is_barred_alone() {
+        // Of those who bar it together all make room that stand on one way.
+        let is_on_the_way = || {
+            let way = search
+                .way_for(trip, ground, &[])
+                .filter(|_| !stay.is_empty());
+            way.is_some_and(|way| way.distance_to_point(place) < search.separation_of_others_m())
+        };
+        if is_open(stay) || is_on_the_way() {
             return true;
         }
     }
@@ -156,9 +221,20 @@ pub(super) fn way_without_peers(search: &PathSearch<'_>, to: Point) -> Option<Ve
 }
 
 /// Returns where a peer goes that is not there yet.
-fn goes_to(peer: &Peer, now: Time) -> Option<Point> {
-    let to = peer.goal(now)?.at;
-    (peer.at.distance_to(to) > HOME_M).then_some(to)
+fn goes_to(peer: &Peer, now: Time) -> Option<PeerGoal> {
+    let is_off = |goal: &PeerGoal| peer.at.distance_to(goal.at) > HOME_M;
+    peer.goal(now).filter(is_off)
+}
+
+/// Returns how near somebody is to its goal when it is there, metres. Who waits to see something says what that is, or from where
+/// it would look.
+fn beside_m(goal: &PeerGoal) -> &'static [f64] {
+    match (goal.purpose, goal.waits) {
+        (GoalPurpose::Visit, _) => &[AT_PLACE_M],
+        (GoalPurpose::See, true) => &[AT_PLACE_M, SEES_M],
+        (GoalPurpose::See, false) => &[SEES_M],
+        (GoalPurpose::Home, _) => &[HOME_M],
+    }
 }
 
 /// Returns the ways of peers, searched where the map knows one.
@@ -167,28 +243,79 @@ pub(super) fn ways_of_peers(
     now: Time,
     search: &PathSearch<'_>,
     separation_m: f64,
-) -> Vec<PeerWay> {
+) -> BTreeMap<VehicleId, PeerWay> {
     let way = |bound: Bound<'_>| Some((bound.id, bound.way(search)?));
     let searched: BTreeMap<VehicleId, Track> = Bound::all(peers, now).filter_map(way).collect();
     let way = |(id, peer): (VehicleId, &Peer)| {
         let straight = PeerWay::of(peer, now, separation_m);
-        match searched.get(&id) {
+        let way = match searched.get(&id) {
             Some(way) => straight.along(way.clone()),
             None => straight,
-        }
+        };
+        (id, way)
     };
     peers.iter().map(way).collect()
 }
 
+/// Returns the ways that count for who looks for a place aside for some of so many peers that go somewhere: theirs, or, when these
+/// are all, those of peers that stand as well.
+pub(super) fn ways_of<'a>(
+    ways: &'a BTreeMap<VehicleId, PeerWay>,
+    first: &[&Bound<'_>],
+    all: usize,
+) -> Vec<&'a PeerWay> {
+    let counts = |id: &VehicleId| first.len() == all || first.iter().any(|peer| peer.id == *id);
+    let ways = ways.iter().filter(|(id, _)| counts(id));
+    ways.map(|(_, way)| way).collect()
+}
+
 /// Returns up to which distance room between a vehicle and peers on these ways is worth something, metres, when it steps aside
 /// for so many times in a row.
-pub(super) fn enough_m(ways: &[PeerWay], times: u32) -> f64 {
-    let known = ways.iter().filter(|way| way.is_known);
-    let to_ways = known.map(|way| ROOM_TO_WAY * way.separation_m * f64::from(times.max(1)));
-    match ways.iter().all(|way| way.is_known) {
+pub(super) fn enough_m<'a>(ways: impl Iterator<Item = &'a PeerWay>, times: u32) -> f64 {
+    let (known, unknown): (Vec<&PeerWay>, Vec<&PeerWay>) = ways.partition(|way| way.is_known);
+    let to_ways = known
+        .iter()
+        .map(|way| ROOM_TO_WAY * way.separation_m * f64::from(times.max(1)));
+    match unknown.is_empty() {
         true => to_ways.fold(0.0, f64::max).min(ROOM_M),
         false => ROOM_M,
     }
+}
+
+/// Returns the way to a place at which a vehicle bars nobody's way; or no lower id's, since these go first where all bar each other;
+/// or not that of one peer, the lowest ids first. `way_for` looks for one. Who `may_stay` does so where it bars none of those that
+/// go first.
+pub(super) fn aside_in_turn(
+    search: &PathSearch<'_>,
+    own: VehicleId,
+    peers: &[Bound<'_>],
+    may_stay: bool,
+    mut way_for: impl FnMut(&[&Bound<'_>]) -> Option<Vec<Point>>,
+) -> Option<Vec<Point>> {
+    let bars = |first: &[&Bound<'_>]| {
+        let mut first = first.iter();
+        first.any(|peer| peer.is_barred(search, search.from()))
+    };
+    for (turn, first) in in_turn(own, peers).into_iter().enumerate() {
+        // Otherwise it would go to and fro between places at each of which it bars somebody.
+        if turn > 0 && may_stay && !bars(&first) {
+            return None;
+        }
+        if let Some(corners) = way_for(&first) {
+            return Some(corners);
+        }
+    }
+    None
+}
+
+/// Returns for whom it looks, try by try.
+fn in_turn<'a, 'b>(own: VehicleId, peers: &'b [Bound<'a>]) -> Vec<Vec<&'b Bound<'a>>> {
+    let lower = peers.iter().filter(|peer| peer.id < own).collect();
+    let mut tries = vec![peers.iter().collect(), lower];
+    tries.extend(peers.iter().map(|peer| vec![peer]));
+    tries.retain(|peers: &Vec<_>| !peers.is_empty());
+    tries.dedup_by_key(|peers| peers.iter().map(|peer| peer.id).collect::<Vec<_>>());
+    tries
 }
 
 /// Returns the corners of a way aside as [`way_aside`] does, to where the vehicle bars the ways of none of some peers; `None` when
@@ -196,8 +323,8 @@ pub(super) fn enough_m(ways: &[PeerWay], times: u32) -> f64 {
 pub(super) fn way_aside_for(
     search: &PathSearch<'_>,
     grid: &SearchGrid,
-    (ways, enough_m): (&[PeerWay], f64),
-    peers: &[Bound<'_>],
+    (ways, enough_m): (&[&PeerWay], f64),
+    peers: &[&Bound<'_>],
     may_stand: impl Fn(Point) -> bool,
 ) -> Option<Vec<Point>> {
     let bars = |place: Point| peers.iter().any(|peer| peer.is_barred(search, place));
@@ -222,7 +349,7 @@ pub(super) fn way_aside_for(
 pub(super) fn way_aside(
     grid: &SearchGrid,
     from: Point,
-    ways: &[PeerWay],
+    ways: &[&PeerWay],
     enough_m: f64,
     may_stand: impl Fn(Point) -> bool,
 ) -> Option<Vec<Point>> {
@@ -247,4 +374,59 @@ pub(super) fn way_aside(
         .then(|| reached.route_to(grid, from, to))
         .flatten()
         .map(|route| route.points[1..].to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::MissionProgress;
+
+    use super::*;
+    use crate::node::tests_support::state;
+
+    #[test]
+    fn all_come_before_the_lower_ids_and_these_before_each_alone() {
+        let now = Time::from_secs_f64(1.0);
+        let mut peers = Peers::new(VehicleId(3));
+        for id in [1, 2, 4] {
+            let heard = state(id, 2.0 * f64::from(id), 0.0);
+            peers.take(now, &heard);
+            let said = MissionProgress {
+                vehicle: heard.vehicle,
+                boot: heard.boot,
+                goal: Some(Point::new(0.0, 9.0).into()),
+                ..MissionProgress::default()
+            };
+            peers.note_goal(now, &said);
+        }
+        let bound: Vec<Bound<'_>> = Bound::all(&peers, now).collect();
+        let turns = |own: u8| -> Vec<Vec<u8>> {
+            let ids = |first: Vec<&Bound<'_>>| first.iter().map(|peer| peer.id.0).collect();
+            in_turn(VehicleId(own), &bound)
+                .into_iter()
+                .map(ids)
+                .collect()
+        };
+        let alone = [vec![1], vec![2], vec![4]];
+        let before = |first: &[&[u8]]| -> Vec<Vec<u8>> {
+            let first = first.iter().map(|ids| ids.to_vec());
+            first.chain(alone.clone()).collect()
+        };
+        assert_eq!(turns(3), before(&[&[1, 2, 4], &[1, 2]]));
+        assert_eq!(turns(9), before(&[&[1, 2, 4]]), "all are lower");
+        assert_eq!(turns(0), before(&[&[1, 2, 4]]), "none is");
+    }
+
+    #[test]
+    fn looks_are_apart_and_only_those_in_a_row_count() {
+        let at = Time::from_secs_f64;
+        let mut looks = BarringLooks::default();
+        assert!(looks.are_due(at(0.0)));
+        assert_eq!(looks.note(at(0.0), true), 1);
+        assert!(!looks.are_due(at(9.9)) && looks.are_due(at(10.0)));
+        assert_eq!(looks.note(at(10.0), true), 2);
+        assert_eq!(looks.note(at(20.0), false), 0);
+        assert_eq!(looks.note(at(30.0), true), 1);
+        looks.begin_anew();
+        assert_eq!(looks.note(at(40.0), true), 1);
+    }
 }

@@ -8,6 +8,8 @@
 mod behind_peers;
 mod unseen;
 
+pub(crate) use self::unseen::BehindPeers;
+
 use serde::{Deserialize, Serialize};
 
 use super::kind::{DriveRoute, RouteRoom};

@@ -11,6 +11,8 @@
 //! What leads from one to another is decided in [`super::Mission`] (orders), `autonomy` (what nobody has ordered) and
 //! `returning`; the goal itself is changed in [`super::Mission`] alone.
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::OrderKind;
 
@@ -157,6 +159,25 @@ impl Goal {
 }
 
 impl Return {
+    /// Returns the return of a vehicle that leaves its home, so that others can get to theirs.
+    pub(super) fn aside(now: Time, by: GoalSource) -> Return {
+        Return {
+            by,
+            tries: 0,
+            lets_first_since: Some(now),
+            stage: ReturnStage::UnderWay {
+                bold_since: None,
+                presses_on: false,
+            },
+        }
+    }
+
+    /// Returns for how long it has let others go first.
+    pub(super) fn lets_first_for(&self, now: Time) -> Duration {
+        self.lets_first_since
+            .map_or(Duration::ZERO, |since| now.since(since))
+    }
+
     /// Returns whether it drives.
     pub(super) fn is_under_way(&self) -> bool {
         matches!(self.stage, ReturnStage::UnderWay { .. })

@@ -5,14 +5,19 @@ use std::collections::BTreeSet;
 
 use tomoswarm_proto::VehicleId;
 
-use super::aside::{Bound, enough_m, is_barred, peers_on_way, way_aside_for, ways_of_peers};
+use super::aside::{
+    Bound, ROOM_AFTER_LOOKS, aside_in_turn, enough_m, peers_on_way, way_aside_for, ways_of,
+    ways_of_peers,
+};
 use super::goal::{Goal, GoalSource, Return, ReturnQueue, ReturnStage};
-use super::home::WayHome;
+use super::home::{HOME_M, WayHome};
 use super::kind::RouteRoom;
-use super::returning::{Bars, ReturnDecision, Returning};
-use super::terrain::{PathSearch, RULES, Resolution};
+use super::returning::{Bars, MORE_ROOM_AFTER, ReturnDecision, Returning};
+use super::terrain::{PathSearch, RULES, Resolution, Trip};
 use super::{AutonomyCause, Mission, MissionEvent, Out};
 use crate::geom::Point;
+use crate::node::OwnState;
+use crate::node::peers::Peer;
 use crate::plan::Component;
 use crate::time::Time;
 
@@ -80,7 +85,8 @@ impl Mission {
         self.goal = Goal::Returning(home);
     }
 
-    /// Returns a way to where the vehicle stands in the way of none of the peers that stand, the `times`-th time in a row.
+    /// Returns a way to where the vehicle stands in the way of none of the peers that stand, or of none that go first, the
+    /// `times`-th time in a row.
     fn way_aside(
         &self,
         now: Time,
@@ -89,20 +95,38 @@ impl Mission {
         times: u32,
     ) -> Option<Vec<Point>> {
         let separation_m = self.settings.swarm.separation_m;
-        let ways = ways_of_peers(&self.peers, now, search, separation_m);
+        let all_ways = ways_of_peers(&self.peers, now, search, separation_m);
         let grid = search.ground(None, Resolution::Parts, false, claims)?;
-        // From there it must get home when those are at home whom it lets go first; where that cannot be, anything is better.
         let home = self.settings.home;
         let homeward = self.homeward_peers(now);
-        let first = homeward.iter().filter(|peer| peer.is_barred(search, home));
-        let goals: Vec<Vec<Point>> = first.map(|peer| vec![peer.to]).collect();
-        let then = search.ground(Some(home), Resolution::Parts, true, &goals)?;
-        let nodes = then.lattice();
-        let leads_home = Component::around(&then, nodes.cell_at(home), &RULES);
-        let may_stand =
-            |place: Point| leads_home.is_empty() || leads_home.contains(nodes.cell_at(place));
-        let enough_m = enough_m(&ways, times);
-        way_aside_for(search, &grid, (&ways, enough_m), &homeward, may_stand)
+        let may_stay = !matches!(self.goal, Goal::Returning(home) if home.lets_first_for(now) >= MORE_ROOM_AFTER);
+        aside_in_turn(
+            search,
+            self.settings.vehicle,
+            &homeward,
+            may_stay,
+            |first| {
+                // From there it must get home when those are at home whom it lets go first; where that cannot be, anything is better.
+                let at_home = first.iter().filter(|peer| peer.is_barred(search, home));
+                let at_home = at_home.flat_map(|peer| peer.stay().iter().copied().chain([peer.to]));
+                let stand: Vec<Vec<Point>> = at_home.map(|place| vec![place]).collect();
+                let [known, unknown] = [false, true].map(|unknown_allowed| {
+                    let then =
+                        search.ground(Some(home), Resolution::Parts, unknown_allowed, &stand)?;
+                    let nodes = then.lattice();
+                    Some((nodes, Component::around(&then, nodes.cell_at(home), &RULES)))
+                });
+                let ways = ways_of(&all_ways, first, homeward.len());
+                let enough_m = enough_m(ways.iter().copied(), times);
+                let mut leads_home = [known, unknown].into_iter().flatten();
+                let back = leads_home.find_map(|(nodes, open)| {
+                    let may_stand = |place: Point| open.contains(nodes.cell_at(place));
+                    way_aside_for(search, &grid, (&ways, enough_m), first, may_stand)
+                });
+                let anywhere = || way_aside_for(search, &grid, (&ways, enough_m), first, |_| true);
+                back.or_else(anywhere)
+            },
+        )
     }
 
     /// Returns the peers that are on their way home, and not yet there.
@@ -130,6 +154,37 @@ impl Mission {
         }
     }
 
+    /// At home after a return, steps aside for others that cannot get home because of it, as may show only after a while: a peer
+    /// that came home after it has closed the other way. Of several that bar a way together the highest id goes first. One
+    /// with a low battery stays, and so does one whose motors are off: people may be near.
+    pub(super) fn make_room_at_home(&mut self, now: Time, by: GoalSource, out: &mut Vec<Out>) {
+        let may_drive = |state: &&OwnState| state.is_armed && state.is_at_rest;
+        let stays = self.autonomy.is_battery_low() || !self.barring.are_due(now);
+        let Some(state) = self.state.as_ref().filter(may_drive).filter(|_| !stays) else {
+            return;
+        };
+        let pose = state.pose;
+        let search = self.terrain.search(now, pose);
+        let homeward = self.homeward_peers(now);
+        let bars = homeward.iter().any(|peer| peer.is_barred(&search, pose.at));
+        let is_higher_at_rest = |(id, peer): &(VehicleId, &Peer)| {
+            *id > self.settings.vehicle && peer.stands(now) && !peer.goes_home(now)
+        };
+        let higher = self.peers.iter().filter(is_higher_at_rest).count() as u32;
+        if self.barring.note(now, bars) < ROOM_AFTER_LOOKS + higher {
+            return;
+        }
+        let claims = self.peers.standing_claims(now);
+        if let Some(corners) = self.way_aside(now, &search, &claims, 1) {
+            self.barring.begin_anew();
+            let to = corners.last().copied().unwrap_or(pose.at);
+            out.push(Out::MissionEvent(MissionEvent::StepsAside(to)));
+            self.pilot.take_route(pose.at, &corners, RouteRoom::Kept);
+            self.terrain.note_standing_peers(claims);
+            self.goal = Goal::Returning(Return::aside(now, by));
+        }
+    }
+
     /// Returns what becomes of the return of a vehicle that has come home, if it lets others go first that it bars there: what
     /// it has seen on its way may show that these can get home by no other way.
     fn lets_first_after_all(&self, now: Time, home: Return) -> Option<Return> {
@@ -151,8 +206,13 @@ impl Mission {
         let stands_in_the_way = !barred.is_empty();
         homeward.retain(|peer| peer.is_barred(search, home));
         barred.extend(homeward.iter().map(|peer| peer.id));
+        let homeward_trip = Trip {
+            from: at,
+            to: home,
+            beside_m: HOME_M,
+        };
         let bars_each_other =
-            |peer: &Bound<'_>| own < peer.id && is_barred(search, (at, home), &[], peer.to);
+            |peer: &Bound<'_>| own < peer.id && peer.bars_there(search, &homeward_trip);
         let bars = match (homeward.is_empty(), stands_in_the_way) {
             (true, false) => Bars::Nobody,
             (true, true) => Bars::HereAlone,

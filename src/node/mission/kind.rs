@@ -172,7 +172,7 @@ pub(super) trait Behaviour {
     fn give_up(&self) -> EndReason;
 
     /// Records that its peers have not made room for very long; returns whether it goes on without what they bar.
-    fn goes_on_without(&mut self) -> bool {
+    fn goes_on_without(&mut self, _: Time) -> bool {
         false
     }
 

@@ -37,8 +37,10 @@ const PATIENCE: Duration = Duration::from_secs(15);
 const PATIENCE_MAX: Duration = Duration::from_secs(300);
 /// Those whom it would bar at home go first for this long in all, however often it tries.
 const LETS_FIRST_MAX: Duration = Duration::from_secs(300);
+/// Who lets others go first waits no longer than this until they stand: it may have to make room for them.
+const LETS_MOVE_WITHIN: Duration = Duration::from_secs(20);
 /// Who lets others go first makes more room for them when they have not come home after this long.
-const MORE_ROOM_AFTER: Duration = Duration::from_secs(60);
+pub(super) const MORE_ROOM_AFTER: Duration = Duration::from_secs(60);
 /// So many searches in vain, and another vehicle has its turn.
 const FAILURES_MAX: u32 = 6;
 /// Every so many tries the unknown is a resort, although a known way seems to be open.
@@ -93,8 +95,9 @@ impl Returning<'_> {
             (false, false) => (LOWER_WITHIN, HIGHER_WITHIN),
         };
         let has_waited = |within: Duration| self.now.since(queue.since) > within;
+        let lets_first = self.home.lets_first_since.is_some() && has_waited(LETS_MOVE_WITHIN);
         let lets_go = |peer: &Peer| {
-            let is_endless = has_waited(lower_within) && !peer.goes_home(self.now);
+            let is_endless = lets_first || (has_waited(lower_within) && !peer.goes_home(self.now));
             is_endless || peer.is_quiet(self.now, queue.since, quiet)
         };
         let has_heard =
@@ -102,7 +105,7 @@ impl Returning<'_> {
         has_heard
             && queue.try_at <= self.now
             && self.lower().all(lets_go)
-            && (higher_stand || has_waited(higher_within))
+            && (higher_stand || lets_first || has_waited(higher_within))
     }
 
     /// Returns what a vehicle does whose turn it is, as the way home looks, and as it bars the ways of others: these are let go

@@ -280,15 +280,21 @@ fn face_to_face_on_the_ring_it_turns_back_and_goes_the_other_way_round() {
 /// A vehicle at its home in a doorway between two rooms that is sent home, while a peer that is to go home through it stands
 /// east of it; what it says within a while.
 fn sent_home_in_a_doorway(battery: f64) -> Vec<MissionEvent> {
+    in_a_doorway(battery, Goal::Waiting, 200)
+}
+
+/// The same for a while (0.1 s) with another goal to begin with; one that is not at home is sent home after a second.
+fn in_a_doorway(battery: f64, goal: Goal, tenths: u32) -> Vec<MissionEvent> {
     let mut mission = Mission::new(VehicleSettings {
         home: Point::new(1.2, 0.0),
         ..settings(1)
     });
+    mission.goal = goal;
     for tile in tiles_of(two_rooms(2.0)) {
         fed(&mut mission, 0.0, In::Tile(tile.into()));
     }
     let mut events = Vec::new();
-    for tenth in 0..200_u32 {
+    for tenth in 0..tenths {
         let now_s = 0.1 * f64::from(tenth);
         let sequence = u64::from(tenth);
         let peer = State {
@@ -310,7 +316,7 @@ fn sent_home_in_a_doorway(battery: f64) -> Vec<MissionEvent> {
         let mut out = fed(&mut mission, now_s, In::Peer(peer));
         out.extend(fed(&mut mission, now_s, In::PeerMission(said)));
         out.extend(fed(&mut mission, now_s, In::State(own)));
-        if tenth == 10 {
+        if tenth == 10 && goal == Goal::Waiting {
             out.extend(fed(&mut mission, now_s, order(OrderKind::Return)));
         }
         events.extend(out.into_iter().filter_map(|output| match output {
@@ -319,6 +325,18 @@ fn sent_home_in_a_doorway(battery: f64) -> Vec<MissionEvent> {
         }));
     }
     events
+}
+
+#[test]
+fn who_is_home_makes_room_for_others_that_stand_because_of_it_unless_its_battery_is_low() {
+    let steps_aside = |battery: f64, tenths: u32| {
+        let events = in_a_doorway(battery, Goal::Home(GoalSource::Order), tenths);
+        let is_aside = |event: &MissionEvent| matches!(event, MissionEvent::StepsAside(_));
+        events.iter().any(is_aside)
+    };
+    assert!(!steps_aside(0.9, 190), "it takes its time");
+    assert!(steps_aside(0.9, 400));
+    assert!(!steps_aside(0.01, 400));
 }
 
 #[test]

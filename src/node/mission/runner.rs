@@ -43,6 +43,7 @@ use self::progress_watch::ProgressWatch;
 use self::routes::RouteFinder;
 use self::tries::Tries;
 use self::yield_to_peers::YieldToPeers;
+use super::aside::BarringLooks;
 use super::doubts::Doubts;
 use super::kind::{AnyBehaviour, DriveRoute, MissionInput, MissionStep, PassedOver, RouteRoom};
 use super::look_around::{LookAround, Next, dwell};
@@ -119,10 +120,8 @@ pub(super) struct StepRunner {
     progress: ProgressWatch,
     /// The place of the mission that it goes for by paths.
     sought: Option<Point>,
-    /// At home, when it looks next whether it bars somebody's way.
-    room_at: Time,
-    /// So many looks in a row have shown that it bars somebody's way there.
-    looks_barring: u32,
+    /// Whether it bars somebody's way at home.
+    barring: BarringLooks,
 }
 
 impl StepRunner {
@@ -138,8 +137,7 @@ impl StepRunner {
             yields: YieldToPeers::default(),
             progress: ProgressWatch::new(settings),
             sought: None,
-            room_at: Time::ZERO,
-            looks_barring: 0,
+            barring: BarringLooks::default(),
         })
     }
 
@@ -341,7 +339,7 @@ impl StepRunner {
             (None, _) => self.phase = Phase::Over,
             (Some(_), Some(sought)) => self.pass_over(scene, sought, PassedOver::GivenUp),
             (Some(mission), None) => {
-                if mission.goes_on_without() {
+                if mission.goes_on_without(scene.now) {
                     return self.think(scene.now);
                 }
                 let end = match mission.give_up() {

@@ -14,7 +14,7 @@ mod search;
 
 use serde::{Deserialize, Serialize};
 
-pub(super) use self::others::Ground;
+pub(super) use self::others::{Ground, Trip};
 pub(super) use self::search::{
     OpenGround, PathSearch, RULES, ReachedGround, Resolution, WAYS, is_small,
 };

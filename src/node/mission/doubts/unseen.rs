@@ -7,6 +7,15 @@ use crate::map::Bar;
 use crate::node::mission::terrain::{PathSearch, RULES, ReachedGround, Resolution};
 use crate::plan::{Component, Distances, SearchGrid};
 
+/// From where it would look, if peers did not bar the way there.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct BehindPeers {
+    /// The place.
+    pub from: Point,
+    /// Whether those may go away.
+    pub may_go: bool,
+}
+
 impl Doubts {
     /// Returns what to try next so that ground that nobody has seen, and where there is room to stand, can be reached;
     /// `reached` is what can be, finely, if it can set out. Small things that bar are looked at once, although they are
@@ -40,31 +49,46 @@ impl Doubts {
 
     /// Returns a close look that can be taken while it waits for peers; `reached` is what can be, finely.
     pub(crate) fn look_meanwhile(
-        &mut self,
+        &self,
         search: &PathSearch<'_>,
         reached: ReachedGround,
         peers: &[Vec<Point>],
     ) -> Option<CloseLook> {
         let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        self.look_toward_unseen(search, peers, (&roomy, &Reached::finely(reached)))
+        let reached = Reached::finely(reached);
+        // What it finds to be given up meanwhile is so while the peers are there.
+        self.clone()
+            .look_toward_unseen(search, peers, (&roomy, &reached))
     }
 
-    /// Returns from where it would look next to see more, if peers did not bar the way to that place. What was given up because
-    /// they did is not given up then.
+    /// Returns from where it would look next to see more, if peers did not bar the way to that place: those that may go away, or
+    /// all. What was given up because they did is not given up then. `gone` is what those claim that do not go away.
     pub(crate) fn unseen_behind_peers(
         &mut self,
         search: &PathSearch<'_>,
         peers: &[Vec<Point>],
-    ) -> Option<Point> {
-        if peers.is_empty() {
-            return None;
-        }
+        gone: &[Vec<Point>],
+    ) -> Option<BehindPeers> {
+        let stays = [Some(gone), Some(&[][..]).filter(|_| !gone.is_empty())];
+        let mut tries = stays.into_iter().flatten();
+        tries.find_map(|stay| {
+            let may_go = stay.len() == gone.len();
+            let is_any = stay.len() < peers.len();
+            let from = is_any
+                .then(|| self.unseen_without(search, stay))
+                .flatten()?;
+            Some(BehindPeers { from, may_go })
+        })
+    }
+
+    /// The same, without all peers but those that claim this.
+    fn unseen_without(&mut self, search: &PathSearch<'_>, stay: &[Vec<Point>]) -> Option<Point> {
         let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let reached = Reached::from_here(search, &[])?;
+        let reached = Reached::from_here(search, stay)?;
         let without = self.but_for_peers(search.lattice());
         let look = without
             .clone()
-            .look_toward_unseen(search, &[], (&roomy, &reached))?;
+            .look_toward_unseen(search, stay, (&roomy, &reached))?;
         *self = without;
         let course = look.course.as_ref();
         let last = course.and_then(|course| course.corners.last().copied());
@@ -257,11 +281,16 @@ mod tests {
         let (looks, share) = explored(&terrain, &mut doubts, &standing);
         assert!(looks == 0 && share > 0.9, "{looks} looks, {share}");
         let search = terrain.search(Time::ZERO, own_state(-1.0, 0.0).pose);
-        let from = doubts.unseen_behind_peers(&search, &standing).unwrap();
-        assert!(from.x_m > 0.0, "{from}");
-        assert_eq!(doubts.unseen_behind_peers(&search, &[]), None, "for nobody");
+        let mut behind = |gone: &[Vec<Point>]| {
+            let found = doubts.unseen_behind_peers(&search, &standing, gone);
+            found.map(|found| (found.from.x_m > 0.0, found.may_go))
+        };
+        assert_eq!(behind(&[]), Some((true, true)));
+        assert_eq!(behind(&standing), Some((true, false)), "it does not go");
+        let nobody = doubts.unseen_behind_peers(&search, &[], &[]);
+        assert_eq!(nobody, None);
         let (looks, share) = explored(&terrain, &mut doubts, &[]);
         assert!(looks >= 3 && share < 0.1, "once it is gone: {share}");
-        assert_eq!(doubts.unseen_behind_peers(&search, &standing), None);
+        assert_eq!(doubts.unseen_behind_peers(&search, &standing, &[]), None);
     }
 }

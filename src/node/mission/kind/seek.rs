@@ -43,7 +43,8 @@ use crate::node::VehicleSettings;
 use crate::node::mission::doubts::Doubts;
 use crate::node::mission::terrain::{OpenGround, ReachedGround, Terrain, is_small};
 use crate::node::mission::{EndReason, look_around};
-use crate::node::peers::Peer;
+use crate::node::peers::{GoalPurpose, Peer};
+use crate::time::Time;
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
 /// from as near as it can.
@@ -65,6 +66,8 @@ const EQUAL_M: f64 = 0.1;
 /// Who has no way known to more than this share of the ground that might be reached has not explored it. Of explorations of the
 /// bundled places 0.11 was left at most, mostly less than 0.01; by vehicles that see no way anywhere 0.95 and more.
 const UNSEEN_SHARE: f64 = 0.25;
+/// Peers for which it waited in vain are not waited for again for this long, unless it has got on.
+const PEERS_STAY: std::time::Duration = std::time::Duration::from_secs(180);
 /// A peer that has not moved for this long is not going anywhere.
 const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
 
@@ -125,8 +128,8 @@ pub(crate) struct Seek {
     frontiers: KnownFrontiers,
     /// What peers look at.
     peer_looks: PeerLooks,
-    /// Whether it has waited for peers in vain since it last got on.
-    peers_stay: bool,
+    /// When it last waited for peers in vain, if it has not got on since.
+    waited_in_vain: Option<Time>,
 }
 
 impl Behaviour for Seek {
@@ -218,9 +221,12 @@ impl Behaviour for Seek {
         EndReason::NoRoom
     }
 
-    fn goes_on_without(&mut self) -> bool {
-        let waits = matches!(self.stage, Stage::Barred(_));
-        waits && !std::mem::replace(&mut self.peers_stay, true)
+    fn goes_on_without(&mut self, now: Time) -> bool {
+        let goes_on = matches!(self.stage, Stage::Barred(_)) && !self.peers_stay(now);
+        if goes_on {
+            self.waited_in_vain = Some(now);
+        }
+        goes_on
     }
 
     fn tile_changed(&mut self, address: TileAddress) {
@@ -270,7 +276,7 @@ impl Seek {
             doubts: Doubts::default(),
             frontiers: KnownFrontiers::default(),
             peer_looks: PeerLooks::default(),
-            peers_stay: false,
+            waited_in_vain: None,
         }
     }
 
@@ -321,8 +327,9 @@ impl Seek {
         // For faces alone nobody waits.
         in_vain.retain(|(rigour, _)| *rigour != Rigour::Faces);
         // Peers bar what would be seen without them, on the same ways.
-        if around.peers.iter().next().is_some() && !self.peers_stay {
-            let mut alone = LookSearch::new(&search, &occupancy, &[], reach);
+        let gone = around.peers.claims_of_gone(around.now);
+        if gone.len() < claims.len() && !self.peers_stay(around.now) {
+            let mut alone = LookSearch::new(&search, &occupancy, &gone, reach);
             let seen = in_vain.iter().find_map(|(rigour, sought)| {
                 alone.best(self.looks_of(*rigour), *rigour, sought).ok()
             });
@@ -354,7 +361,7 @@ impl Seek {
             }
         }
         let finely = ways.into_finely();
-        self.doubt(&search, finely, &claims)
+        self.doubt(around.now, &search, finely, (&claims, &gone))
     }
 
     fn go_and_look(&mut self, around: &MissionContext<'_>, found: FoundLook) -> MissionStep {
@@ -376,7 +383,7 @@ impl Seek {
                 &mut self.face_looks,
             ),
         };
-        self.peers_stay = false;
+        self.waited_in_vain = None;
         if look.from == lattice.cell_at(from) {
             self.stage = stage;
             return step;
@@ -539,10 +546,8 @@ fn aims<'a>(around: &'a MissionContext<'_>) -> impl Iterator<Item = (VehicleId, 
         |peer: &Peer| around.now.since(peer.moved_at) <= PEER_GOES && !peer.is_silent(around.now);
     let aim = |peer: &Peer| match peer.goal(around.now) {
         Some(goal) if goal.waits => None,
-        Some(goal) if goal.is_of_mission => {
-            Some(PeerAim::Goal(goal.at, peer.at.distance_to(goal.at)))
-        }
-        Some(_) => None,
+        Some(goal) if goal.purpose == GoalPurpose::Home => None,
+        Some(goal) => Some(PeerAim::Goal(goal.at, peer.at.distance_to(goal.at))),
         None => peer.claim.last().copied().map(PeerAim::WayEnd),
     };
     let peers = around.peers.iter().filter(move |(_, peer)| goes(peer));

@@ -118,6 +118,18 @@ fn lower_ids_that_never_rest_are_waited_for_for_a_while_shorter_with_a_low_batte
 }
 
 #[test]
+fn who_lets_others_go_first_does_not_wait_for_long_until_they_stand() {
+    let lets_first = Return {
+        lets_first_since: Some(at(1.0)),
+        ..ordered()
+    };
+    let drive = |now_s: f64| peers(&[(1, now_s, true), (3, now_s, true)]);
+    let is_its_turn =
+        |now_s: f64| returning(now_s, &drive(now_s), lets_first).is_its_turn(&queue_since(1.0));
+    assert!(!is_its_turn(20.9) && is_its_turn(21.1));
+}
+
+#[test]
 fn a_vehicle_that_has_stepped_back_waits_longer_unless_its_battery_is_low() {
     let peers = peers(&[(3, 100.0, true)]);
     let queue = ReturnQueue {

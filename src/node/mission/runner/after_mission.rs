@@ -1,21 +1,15 @@
 //! What a vehicle does whose mission has ended: it goes home, where it stands in nobody's way; and where it does, it makes
 //! room.
 
-use std::time::Duration;
-
 use tomoswarm_proto::VehicleId;
 
 use super::{Destination, Phase, RunnerContext, StepRunner};
 use crate::node::mission::MissionEvent;
-use crate::node::mission::aside::{Bound, ways_of_peers};
+use crate::node::mission::aside::{Bound, ROOM_AFTER_LOOKS};
 use crate::node::mission::home::HOME_M;
 
-/// Who is at home after its mission looks this often whether it bars somebody's way.
-const LOOK_FOR_ROOM: Duration = Duration::from_secs(10);
 /// So many waits for peers in a row on the way home, and the return in order is waited for.
 const HOME_WAITS_MAX: u32 = 80;
-/// Who is at rest for its mission is over makes room for peers that wait, or stand on their ways, at so many looks in a row.
-const ROOM_AFTER_LOOKS: u32 = 3;
 
 impl StepRunner {
     /// The mission has ended: the vehicle goes home over what is known, or else over what nobody has seen, since peers may
@@ -49,10 +43,9 @@ impl StepRunner {
     /// motors are off stays: people may be near.
     pub(super) fn make_room(&mut self, scene: &mut RunnerContext<'_>) {
         let is_home = self.settings.home.distance_to(scene.pose().at) <= HOME_M;
-        if scene.now < self.room_at || !scene.state.is_armed || !is_home {
+        if !self.barring.are_due(scene.now) || !scene.state.is_armed || !is_home {
             return;
         }
-        self.room_at = scene.now + LOOK_FOR_ROOM;
         let search = scene.terrain.search(scene.now, scene.pose());
         let waits = |bound: &Bound<'_>| {
             let goal = bound.peer.goal(scene.now);
@@ -60,18 +53,15 @@ impl StepRunner {
         };
         let mut waiting = Bound::all(scene.peers, scene.now).filter(waits);
         let bars = waiting.any(|bound| bound.is_barred(&search, scene.pose().at));
-        self.looks_barring = if bars { self.looks_barring + 1 } else { 0 };
-        if self.looks_barring < ROOM_AFTER_LOOKS {
+        if self.barring.note(scene.now, bars) < ROOM_AFTER_LOOKS {
             return;
         }
-        let separation_m = self.settings.swarm.separation_m;
-        let ways = ways_of_peers(scene.peers, scene.now, &search, separation_m);
-        if let Some(course) = self.course_aside(scene, &ways) {
+        if let Some(course) = self.course_aside(scene) {
             // It has stood here for long, and waited on its way before: neither counts for what begins now.
             self.progress.get_on(scene.now);
             self.yields.end();
             self.tries.clear();
-            self.looks_barring = 0;
+            self.barring.begin_anew();
             self.step_aside(scene, &course);
         }
     }

@@ -7,7 +7,8 @@ use crate::geom::{Cell, Point, Segment, Track};
 use crate::map::CellRect;
 use crate::node::mission::MissionEvent;
 use crate::node::mission::aside::{
-    Bound, PeerWay, peers_on_way, way_aside, way_aside_for, way_without_peers,
+    Bound, PeerWay, aside_in_turn, peers_on_way, way_aside, way_aside_for, way_without_peers,
+    ways_of, ways_of_peers,
 };
 use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
@@ -22,6 +23,8 @@ const NEAR_PEERS: f64 = 2.0;
 const NEARER_M: f64 = 0.5;
 /// So much of a border between what was seen and what was not is worth to be gone to, metres.
 const UNSEEN_M: f64 = 0.6;
+/// So often it looks whether those for whom it waits are gone, in waits.
+const LOOK_WHO_IS_GONE: u32 = 15;
 /// Ways are followed in steps of this length, metres.
 const STEP_M: f64 = 0.1;
 
@@ -42,22 +45,21 @@ impl StepRunner {
         event: impl FnOnce(&StepRunner, &RunnerContext<'_>) -> MissionEvent,
     ) {
         let from = scene.pose().at;
-        let ways = self.ways_of_peers(scene);
-        let is_in_the_way = ways.iter().any(|way| way.is_barred_from(from));
         let turn = Turn {
             own: self.settings.vehicle,
             left_m: self.left_m(from),
-            is_in_the_way,
+            is_in_the_way: self.is_in_the_way(scene),
         };
-        match (
-            self.yields.once_more(&turn, scene.peers),
-            self.mission.under_way(),
-            self.sought,
-        ) {
+        let mut what = self.yields.once_more(&turn, scene.peers);
+        let looks = self.yields.in_a_row().is_multiple_of(LOOK_WHO_IS_GONE);
+        if looks && self.is_barred_by_gone(scene) {
+            what = Yield::InVain;
+        }
+        match (what, self.mission.under_way(), self.sought) {
             (Yield::InVain, Some(_), Some(sought)) => {
                 self.pass_over(scene, sought, PassedOver::GivenUp);
             }
-            (Yield::InVain, Some(mission), None) => match mission.goes_on_without() {
+            (Yield::InVain, Some(mission), None) => match mission.goes_on_without(scene.now) {
                 true => {
                     self.yields.end();
                     self.think(scene.now);
@@ -67,7 +69,7 @@ impl StepRunner {
                     self.finish(scene, end);
                 }
             },
-            (Yield::StepAside, ..) => match self.course_aside(scene, &ways) {
+            (Yield::StepAside, ..) => match self.course_aside(scene) {
                 Some(course) => self.step_aside(scene, &course),
                 None => match self.course_nearer(scene) {
                     Some(course) => self.drive(scene, &course, Destination::Aside),
@@ -83,20 +85,32 @@ impl StepRunner {
         }
     }
 
+    /// Returns whether those alone bar every way to the place that it goes for of whom nothing was heard for long.
+    fn is_barred_by_gone(&self, scene: &RunnerContext<'_>) -> bool {
+        let gone = scene.peers.claims_of_gone(scene.now);
+        let Some(to) = self.sought.filter(|_| !gone.is_empty()) else {
+            return false;
+        };
+        let search = scene.terrain.search(scene.now, scene.pose());
+        let is_open = |stay: &[Vec<Point>]| {
+            let mut grounds = [false, true].into_iter();
+            grounds.any(|unknown_allowed| search.path(to, unknown_allowed, stay).is_some())
+        };
+        !is_open(&gone) && is_open(&[])
+    }
+
     pub(super) fn step_aside(&mut self, scene: &mut RunnerContext<'_>, course: &DriveRoute) {
         let to = course.corners.last().copied().unwrap_or(scene.pose().at);
         scene.emit(MissionEvent::StepsAside(to));
         self.drive(scene, course, Destination::Aside);
     }
 
-    /// Returns where the peers are, and where they want to go from there as far as that is known.
-    fn ways_of_peers(&self, scene: &RunnerContext<'_>) -> Vec<PeerWay> {
+    /// Returns whether it stands on the way of a peer, as far as that is known.
+    fn is_in_the_way(&self, scene: &RunnerContext<'_>) -> bool {
         let separation_m = self.settings.swarm.separation_m;
-        scene
-            .peers
-            .iter()
-            .map(|(_, peer)| PeerWay::of(peer, scene.now, separation_m))
-            .collect()
+        scene.peers.iter().any(|(_, peer)| {
+            PeerWay::of(peer, scene.now, separation_m).is_barred_from(scene.pose().at)
+        })
     }
 
     /// Returns whether what a peer claims bars the way straight to a place.
@@ -134,21 +148,28 @@ impl StepRunner {
         }
     }
 
-    pub(super) fn course_aside(
-        &self,
-        scene: &RunnerContext<'_>,
-        ways: &[PeerWay],
-    ) -> Option<DriveRoute> {
+    /// Returns the way to a place aside, where it bars nobody's way; or that of no lower id, or of one peer; or any that is farther
+    /// off all ways.
+    pub(super) fn course_aside(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
         let claims = scene.surroundings().claims();
         let grid = self
             .courses(scene)
             .ground(None, Resolution::Parts, false, &claims)?;
-        let room_m = self.yields.room_m(ways);
         let search = scene.terrain.search(scene.now, scene.pose());
+        let separation_m = self.settings.swarm.separation_m;
+        let all_ways = ways_of_peers(scene.peers, scene.now, &search, separation_m);
         let peers: Vec<Bound<'_>> = Bound::all(scene.peers, scene.now).collect();
-        let clear = way_aside_for(&search, &grid, (ways, room_m), &peers, |_| true);
-        let corners =
-            clear.or_else(|| way_aside(&grid, scene.pose().at, ways, room_m, |_| true))?;
+        let aside = aside_in_turn(&search, self.settings.vehicle, &peers, false, |first| {
+            let ways = ways_of(&all_ways, first, peers.len());
+            let room_m = self.yields.room_m(ways.iter().copied());
+            way_aside_for(&search, &grid, (&ways, room_m), first, |_| true)
+        });
+        let anywhere = || {
+            let ways: Vec<&PeerWay> = all_ways.values().collect();
+            let room_m = self.yields.room_m(ways.iter().copied());
+            way_aside(&grid, scene.pose().at, &ways, room_m, |_| true)
+        };
+        let corners = aside.or_else(anywhere)?;
         Some(DriveRoute {
             corners,
             room: RouteRoom::Kept,

@@ -247,6 +247,26 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
     );
 }
 
+#[test]
+fn a_place_on_which_a_vehicle_stands_whose_software_has_ended_is_soon_passed_over() {
+    let place = Point::new(3.0, 2.0);
+    let mut rig = Rig::new(TaskKind::Pathfind {
+        places: vec![place.into()],
+    });
+    rig.peers
+        .take(at(rig.now_s), &state(2, place.x_m, place.y_m));
+    let mut events = Vec::new();
+    let begun_s = rig.now_s;
+    while !events.contains(&MissionEvent::Passed(place)) {
+        events.extend(rig.run(10));
+        if !rig.pilot.way().is_empty() {
+            rig.arrive();
+        }
+        assert!(rig.now_s < begun_s + 150.0, "{events:?}");
+    }
+    assert!(rig.now_s > begun_s + 20.0, "it may speak again: {events:?}");
+}
+
 fn waits_for_vehicle_2() -> MissionEvent {
     MissionEvent::WaitsForPeers(vec![VehicleId(2)])
 }
@@ -375,11 +395,10 @@ fn a_place_aside_is_off_the_way_that_a_peer_wants_to_go_and_no_farther_than_it_m
         let rooms = [1, 2].map(|_| {
             yields.once_more(&turn(1, true), &Peers::new(VehicleId(1)));
             yields.once_more(&turn(1, true), &Peers::new(VehicleId(1)));
-            yields.room_m(std::slice::from_ref(&way))
+            yields.room_m(std::iter::once(&way))
         });
         rooms.map(|room_m| {
-            let corners = way_aside(&grid, from, std::slice::from_ref(&way), room_m, |_| true)
-                .expect("there is room");
+            let corners = way_aside(&grid, from, &[&way], room_m, |_| true).expect("there is room");
             *corners.last().expect("it leads somewhere")
         })
     };

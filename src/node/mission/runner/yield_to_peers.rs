@@ -94,7 +94,7 @@ impl YieldToPeers {
     }
 
     /// Returns up to which distance room between the vehicle and peers on these ways is worth something, metres.
-    pub(super) fn room_m(&self, ways: &[PeerWay]) -> f64 {
+    pub(super) fn room_m<'a>(&self, ways: impl Iterator<Item = &'a PeerWay>) -> f64 {
         enough_m(ways, self.asides)
     }
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
 use crate::geom::{Angle, Point};
-use crate::node::peers::{Peer, PeerGoal};
+use crate::node::peers::{GoalPurpose, Peer, PeerGoal};
 use crate::time::Time;
 
 /// So many rests in a row at one place, toward one goal, are a close look.
@@ -57,7 +57,7 @@ impl PeerLooks {
         if last.is_some_and(|last| last.since == peer.moved_at) {
             return None;
         }
-        let looks_at = |goal: &PeerGoal| goal.is_of_mission && !goal.waits;
+        let looks_at = |goal: &PeerGoal| goal.purpose != GoalPurpose::Home && !goal.waits;
         let goal = peer.goal(now).filter(looks_at);
         let goal = goal.map(|goal| goal.at).filter(|goal| {
             let off = peer.at.angle_to(*goal) - peer.heading;

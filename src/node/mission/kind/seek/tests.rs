@@ -144,14 +144,20 @@ fn what_cannot_be_searched_at_all_is_said() {
 }
 
 #[test]
-fn who_has_waited_for_peers_in_vain_goes_on_without_what_they_bar_until_it_gets_on() {
+fn who_has_waited_for_peers_in_vain_goes_on_without_what_they_bar_for_a_while_or_until_it_gets_on()
+{
+    let at = Time::from_secs_f64;
     let mut world = World::new(Preference::FarFromPeers);
-    assert!(!world.seek.goes_on_without(), "it does not wait");
+    assert!(!world.seek.goes_on_without(at(1.0)), "it does not wait");
     let from = Point::new(3.0, 0.0);
     world.seek.stage = Stage::Barred(from);
-    assert!(world.seek.goes_on_without(), "once");
+    assert!(world.seek.goes_on_without(at(200.0)), "once");
     world.seek.stage = Stage::Barred(from);
-    assert!(!world.seek.goes_on_without(), "in vain again");
+    assert!(!world.seek.goes_on_without(at(379.0)), "in vain again");
+    assert!(
+        world.seek.goes_on_without(at(381.0)),
+        "they may have gone meanwhile"
+    );
     // Something can be looked at after all.
     world.seek.stage = Stage::Choosing;
     assert!(matches!(
@@ -159,7 +165,7 @@ fn who_has_waited_for_peers_in_vain_goes_on_without_what_they_bar_until_it_gets_
         MissionStep::GoAlong(_)
     ));
     world.seek.stage = Stage::Barred(from);
-    assert!(world.seek.goes_on_without());
+    assert!(world.seek.goes_on_without(at(382.0)));
 }
 
 #[test]
