@@ -216,8 +216,17 @@ pub(super) fn peers_on_way(search: &PathSearch<'_>, to: Point, peers: &Peers) ->
 
 /// Returns the way to a place as it would be without peers: known if there is such a way.
 pub(super) fn way_without_peers(search: &PathSearch<'_>, to: Point) -> Option<Vec<Point>> {
+    way_past(search, to, &[])
+}
+
+/// Returns the way to a place as it would be if of all peers only those were there that claim this: known if there is such a way.
+pub(super) fn way_past(
+    search: &PathSearch<'_>,
+    to: Point,
+    stay: &[Vec<Point>],
+) -> Option<Vec<Point>> {
     let mut grounds = [false, true].into_iter();
-    grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, &[]))
+    grounds.find_map(|unknown_allowed| search.path(to, unknown_allowed, stay))
 }
 
 /// Returns where a peer goes that is not there yet.

@@ -8,6 +8,8 @@
 //!                       [Returning]: [InQueue] (lower ids first) ◄─► [UnderWay] ─► [Home], at rest
 //! ```
 //!
+//! Who is home after a return goes aside once more, as one that returns, when others cannot get home because of it.
+//!
 //! What leads from one to another is decided in [`super::Mission`] (orders), `autonomy` (what nobody has ordered) and
 //! `returning`; the goal itself is changed in [`super::Mission`] alone.
 

@@ -100,33 +100,27 @@ impl Mission {
         let home = self.settings.home;
         let homeward = self.homeward_peers(now);
         let may_stay = !matches!(self.goal, Goal::Returning(home) if home.lets_first_for(now) >= MORE_ROOM_AFTER);
-        aside_in_turn(
-            search,
-            self.settings.vehicle,
-            &homeward,
-            may_stay,
-            |first| {
-                // From there it must get home when those are at home whom it lets go first; where that cannot be, anything is better.
-                let at_home = first.iter().filter(|peer| peer.is_barred(search, home));
-                let at_home = at_home.flat_map(|peer| peer.stay().iter().copied().chain([peer.to]));
-                let stand: Vec<Vec<Point>> = at_home.map(|place| vec![place]).collect();
-                let [known, unknown] = [false, true].map(|unknown_allowed| {
-                    let then =
-                        search.ground(Some(home), Resolution::Parts, unknown_allowed, &stand)?;
-                    let nodes = then.lattice();
-                    Some((nodes, Component::around(&then, nodes.cell_at(home), &RULES)))
-                });
-                let ways = ways_of(&all_ways, first, homeward.len());
-                let enough_m = enough_m(ways.iter().copied(), times);
-                let mut leads_home = [known, unknown].into_iter().flatten();
-                let back = leads_home.find_map(|(nodes, open)| {
-                    let may_stand = |place: Point| open.contains(nodes.cell_at(place));
-                    way_aside_for(search, &grid, (&ways, enough_m), first, may_stand)
-                });
-                let anywhere = || way_aside_for(search, &grid, (&ways, enough_m), first, |_| true);
-                back.or_else(anywhere)
-            },
-        )
+        let way_for = |first: &[&Bound<'_>]| {
+            // From there it must get home when those are at home whom it lets go first; where that cannot be, anything is better.
+            let at_home = first.iter().filter(|peer| peer.is_barred(search, home));
+            let at_home = at_home.flat_map(|peer| peer.stay().iter().copied().chain([peer.to]));
+            let stand: Vec<Vec<Point>> = at_home.map(|place| vec![place]).collect();
+            let leads_home = |unknown_allowed: bool| {
+                let then = search.ground(Some(home), Resolution::Parts, unknown_allowed, &stand)?;
+                let nodes = then.lattice();
+                Some((nodes, Component::around(&then, nodes.cell_at(home), &RULES)))
+            };
+            let ways = ways_of(&all_ways, first, homeward.len());
+            let enough_m = enough_m(ways.iter().copied(), times);
+            let mut grounds = [false, true].into_iter().filter_map(leads_home);
+            let back = grounds.find_map(|(nodes, open)| {
+                let may_stand = |place: Point| open.contains(nodes.cell_at(place));
+                way_aside_for(search, &grid, (&ways, enough_m), first, may_stand)
+            });
+            let anywhere = || way_aside_for(search, &grid, (&ways, enough_m), first, |_| true);
+            back.or_else(anywhere)
+        };
+        aside_in_turn(search, self.settings.vehicle, &homeward, may_stay, way_for)
     }
 
     /// Returns the peers that are on their way home, and not yet there.

@@ -7,8 +7,8 @@ use crate::geom::{Cell, Point, Segment, Track};
 use crate::map::CellRect;
 use crate::node::mission::MissionEvent;
 use crate::node::mission::aside::{
-    Bound, PeerWay, aside_in_turn, peers_on_way, way_aside, way_aside_for, way_without_peers,
-    ways_of, ways_of_peers,
+    Bound, PeerWay, aside_in_turn, peers_on_way, way_aside, way_aside_for, way_past,
+    way_without_peers, ways_of, ways_of_peers,
 };
 use crate::node::mission::kind::{DriveRoute, PassedOver, RouteRoom};
 use crate::node::mission::obstruction::{Obstruction, ObstructionKind};
@@ -92,11 +92,7 @@ impl StepRunner {
             return false;
         };
         let search = scene.terrain.search(scene.now, scene.pose());
-        let is_open = |stay: &[Vec<Point>]| {
-            let mut grounds = [false, true].into_iter();
-            grounds.any(|unknown_allowed| search.path(to, unknown_allowed, stay).is_some())
-        };
-        !is_open(&gone) && is_open(&[])
+        way_past(&search, to, &gone).is_none() && way_without_peers(&search, to).is_some()
     }
 
     pub(super) fn step_aside(&mut self, scene: &mut RunnerContext<'_>, course: &DriveRoute) {

@@ -9,8 +9,8 @@ use crate::node::mission::terrain::{PathSearch, ReachedGround};
 use crate::time::Time;
 
 impl Seek {
-    /// Nothing is left to be looked at from where it can get to: looks from near at what may bar the way to more, or ends. Of what
-    /// peers claim it is said what those claim for whom nobody waits.
+    /// Nothing is left to be looked at from where it can get to: looks from near at what may bar the way to more, or ends. `gone`
+    /// is what those claim for whom nobody waits.
     pub(super) fn doubt(
         &mut self,
         now: Time,
