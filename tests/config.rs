@@ -13,6 +13,8 @@ mod config {
     mod bus;
     #[cfg(feature = "hw")]
     mod devices;
+    #[cfg(feature = "hw")]
+    mod field;
     mod laws;
     mod missions;
     mod nodes;

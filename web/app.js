@@ -16,7 +16,7 @@ import { PreflightPanel } from "./preflight.js";
 import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
 import { SettingsPanel } from "./settings.js";
-import { say, showLost } from "./stop.js";
+import { say, secret, showLost } from "./stop.js";
 import { Tabs } from "./tabs.js";
 import { TimeBar, clock } from "./time.js";
 import { SceneView } from "./view.js";
@@ -59,7 +59,7 @@ let needsImage = true;
 /** Since when the page is seen: while it is not, nothing comes. */
 let seenSince_ms = 0;
 
-const feed = new Feed(token, (buffer) => {
+const feed = new Feed(token, secret, (buffer) => {
   const wasFilling = model.isFilling;
   model.take(buffer, performance.now());
   if (model.isFilling && !wasFilling) filledBy_ms = performance.now() + FILLS_WITHIN_MS;

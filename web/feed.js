@@ -10,8 +10,9 @@ const CLOSED_FOR_GOOD = 1008;
 
 export class Feed {
   /** `take` is given each frame; `changed` is told when the connection comes and goes. */
-  constructor(token, take, changed) {
+  constructor(token, secret, take, changed) {
     this.token = token;
+    this.secret = secret;
     this.take = take;
     this.changed = changed;
     this.undrawn = 0;
@@ -32,7 +33,7 @@ export class Feed {
     this.undrawn = 0;
     socket.onopen = () => {
       this.isOpen = true;
-      socket.send(JSON.stringify({ token: this.token }));
+      socket.send(JSON.stringify({ token: this.token, secret: this.secret }));
       if (this.ridden !== null) this.send({ ride: this.ridden });
       this.changed();
     };

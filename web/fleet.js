@@ -1,11 +1,25 @@
 // The table of vehicles, the ground station, and which vehicles are selected. Texts of nodes are set as text only. What troubles a
 // vehicle stands whole in a row of its own below the vehicle's, as wide as the table; that one names it to a screen reader, too.
+// Rows stand in the order of the column whose head was pressed, and change places only while nobody points at them.
 
 import { setText } from "./pace.js";
 import { say } from "./stop.js";
 
 const TYPED_WITHIN_MS = 800;
-const COLUMNS = 9;
+/** What rows are sorted by, a column each, from what is least or wants the eye first; whoever has none comes last. */
+const SORTED_BY = [
+  ({ id }) => id,
+  ({ row }) => row.children[1].textContent,
+  ({ vehicle }) => vehicle.mission?.share,
+  ({ state }) => state?.battery,
+  ({ row }) => row.children[4].textContent,
+  ({ state }) => state && -state.at_ms,
+  ({ state }) => state?.waiting,
+  ({ vehicle }) => vehicle.health?.hears.length,
+  ({ row }) => row.children[8].textContent,
+  ({ vehicle }) => -troublesOf(vehicle).length,
+];
+const SORTED_EVERY_MS = 2000;
 /** A ground station that says nothing for so long is silent. */
 export const GROUND_SILENT_MS = 5000;
 
@@ -17,6 +31,9 @@ export class Fleet {
     this.body = document.querySelector("#vehicles tbody");
     this.typed = "";
     this.typed_ms = 0;
+    this.order = { column: 0, isDown: false, at_ms: -Infinity };
+    this.heads = [...document.querySelectorAll("#vehicles thead th")];
+    this.heads.forEach((head, column) => head.firstChild.addEventListener("click", () => this.sortBy(column)));
     /** What was selected before a number was typed. */
     this.before = [];
     addEventListener("keydown", (event) => this.key(event));
@@ -72,7 +89,44 @@ export class Fleet {
     }
     for (const id of ids) if (!this.rows.has(id)) this.addRow(id);
     for (const id of ids) this.showRow(id, now_ms);
+    this.sort();
     this.showGround(now_ms);
+  }
+
+  /** Sorts by a column; by the same one again, the other way round. */
+  sortBy(column) {
+    this.order = { column, isDown: this.order.column === column && !this.order.isDown, at_ms: -Infinity };
+    this.sort();
+  }
+
+  /** Puts the rows into their order, unless somebody is about to press one, or has just seen them change. */
+  sort() {
+    const { column, isDown, at_ms } = this.order;
+    const now_ms = performance.now();
+    const isPressed = at_ms > -Infinity && (now_ms - at_ms < SORTED_EVERY_MS || this.body.matches(":hover, :focus-within"));
+    if (isPressed) return;
+    this.order.at_ms = now_ms;
+    this.heads.forEach((head, of) => {
+      if (of === column) head.setAttribute("aria-sort", isDown ? "descending" : "ascending");
+      else head.removeAttribute("aria-sort");
+    });
+    const keys = new Map([...this.rows].map(([id, { row }]) => {
+      const of = { id, row, state: this.model.states.get(id), vehicle: this.model.vehicles.get(id) ?? {} };
+      return [id, SORTED_BY[column](of) ?? null];
+    }));
+    const sorted = [...this.rows.keys()].sort((a, b) => compared(keys.get(a), keys.get(b), isDown) || a - b);
+    const stand = [...this.body.children].filter((row) => row.dataset.vehicle).map((row) => Number(row.dataset.vehicle));
+    if (sorted.every((id, place) => stand[place] === id)) return;
+    for (const id of sorted) {
+      const { row, troubles } = this.rows.get(id);
+      this.body.append(row, troubles);
+    }
+  }
+
+  /** Moves the focus to the row above or below. */
+  step(from, by) {
+    const rows = [...this.body.children].filter((row) => row.dataset.vehicle);
+    rows[rows.indexOf(from) + by]?.focus();
   }
 
   addRow(id) {
@@ -83,16 +137,17 @@ export class Fleet {
     const head = document.createElement("th");
     head.scope = "row";
     row.append(head);
-    for (let i = 1; i < COLUMNS; i++) row.append(document.createElement("td"));
+    for (let i = 1; i < SORTED_BY.length; i++) row.append(document.createElement("td"));
     const troubles = troublesRow(id);
     row.setAttribute("aria-describedby", troubles.firstChild.id);
     for (const of of [row, troubles]) of.addEventListener("click", () => this.toggle(id));
     row.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && !event.repeat) this.toggle(id);
+      if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
+      event.preventDefault();
+      this.step(row, event.key === "ArrowUp" ? -1 : 1);
     });
-    const after = [...this.body.children].find((other) => Number(other.dataset.vehicle) > id);
-    this.body.insertBefore(row, after ?? null);
-    row.after(troubles);
+    this.body.append(row, troubles);
     this.rows.set(id, { row, troubles });
   }
 
@@ -109,10 +164,11 @@ export class Fleet {
       isSilent ? (state ? `silent for ${age_s.toFixed(0)} s` : "not heard") : this.doing(state),
       missionText(vehicle.mission),
       state?.battery == null ? "–" : `${Math.round(state.battery * 100)} %`,
-      vehicle.ordered ?? "–",
+      [vehicle.ordered ?? "–", this.fateOf(id)].filter(Boolean).join(": "),
       age_s === null ? "–" : `${age_s.toFixed(1)} s`,
       state?.waiting == null ? "–" : String(state.waiting),
       health ? health.hears.join(", ") || "nobody" : "–",
+      autopilotText(health, state),
       wrong.length ? String(wrong.length) : "none",
     ];
     texts.forEach((text, column) => {
@@ -127,6 +183,15 @@ export class Fleet {
     row.classList.toggle("stopped", state?.standsUnder === 1);
     row.classList.toggle("troubled", wrong.length > 0);
     row.setAttribute("aria-selected", this.selected.has(id) ? "true" : "false");
+  }
+
+  /** How the last order that named a vehicle, or all, has fared with it; null when there was none. */
+  fateOf(id) {
+    const order = this.model.orders.orders.findLast(({ vehicles }) => vehicles.length === 0 || vehicles.includes(id));
+    if (!order) return null;
+    if (order.refused) return `${order.what} refused`;
+    if (!order.isOver) return `${order.what} on its way`;
+    return `${order.what} ${order.fates.find((fate) => fate.vehicle === id)?.words ?? "was not for it"}`;
   }
 
   doing(state) {
@@ -171,6 +236,18 @@ function missionText(mission) {
   return [mission.kind, end, share, mission.isAtHome ? "at home" : ""].filter(Boolean).join(" ");
 }
 
+function autopilotText(health, state) {
+  const flags = [state?.isArmed && "armed", state?.isLanded && "landed", state?.isForeign && "steered by others"];
+  return [health?.autopilot, ...flags].filter(Boolean).join(", ") || "–";
+}
+
+/** Which of two comes first: numbers and words in their order, nothing last whichever way round. */
+function compared(a, b, isDown) {
+  if (a === null || b === null) return (a === null) - (b === null);
+  const sign = typeof a === "string" ? a.localeCompare(b) : a - b;
+  return isDown ? -sign : sign;
+}
+
 /** The row that says what troubles a vehicle. */
 function troublesRow(id) {
   const row = document.createElement("tr");
@@ -178,7 +255,7 @@ function troublesRow(id) {
   row.hidden = true;
   row.setAttribute("aria-label", `troubles of vehicle ${id}`);
   const cell = document.createElement("td");
-  cell.colSpan = COLUMNS;
+  cell.colSpan = SORTED_BY.length;
   cell.id = `troubles-${id}`;
   row.append(cell);
   return row;

@@ -1,19 +1,19 @@
-// The image of the radio links: mean, deviation, significance, with a scale that grows and never shrinks by itself, so that
-// noise does not look like something found.
+// The image of the radio links: mean, deviation, significance. The scale is fixed until somebody chooses another one, since noise
+// on a scale of its own looks like something found; the mean of what is uncertain is paler.
 
 import { drawFindsOver, drawHistory, findText, numbered } from "./finds.js";
 
-const STEPS_DBPM = [0.25, 0.5, 1, 2, 4, 8, 16, 32];
 const SIGNIFICANCE_MOST = 6;
 const BELOW_ZERO = [0, 160, 150];
-const scales = new Map();
+/** What a pixel keeps of its colour when nothing is known of it. */
+const PALEST = 0.25;
 
 export class ImagePanel {
   constructor(model) {
     this.model = model;
     this.wanted = () => {};
     this.isChosen = false;
-    for (const id of ["image-subject", "image-plane", "finds-measure"]) document.getElementById(id).addEventListener("change", () => this.wanted());
+    for (const id of ["image-subject", "image-plane", "image-scale", "finds-measure"]) document.getElementById(id).addEventListener("change", () => this.wanted());
     document.getElementById("image-subject").addEventListener("change", () => { this.isChosen = true; });
   }
 
@@ -42,7 +42,7 @@ export class ImagePanel {
     pen.imageSmoothingEnabled = false;
     pen.drawImage(picture, 0, 0, canvas.width, canvas.height);
     drawFindsOver(document.getElementById("heat-finds"), canvas, image, found);
-    text.textContent = `${caption(image, plane)} Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links, ${image.linksDropped} left out.`;
+    text.textContent = `${caption(image, plane, scaleOf())} Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links, ${image.linksDropped} left out.`;
   }
 
   showFinds(subject) {
@@ -71,29 +71,34 @@ function item(text) {
   return made;
 }
 
-function caption(image, plane) {
+function caption(image, plane, scale) {
   const isKnown = !Number.isNaN(image.deviation[0]);
   if (plane !== "mean" && !isKnown) return "The deviation of this image is not known.";
+  const most = greatest(image[plane] ?? []);
+  const beyond = most > scale ? `; the greatest is ${most.toFixed(1)}` : "";
   switch (plane) {
-    case "mean": return `0 (dark) to ${scaleOf(image)} dB/m (bright); below zero teal.`;
-    case "deviation": return `Deviation, 0 (dark) to ${scaleOf(image)} dB/m (bright).`;
+    case "mean": return `0 (dark) to ${scale} dB/m (bright)${beyond}; below zero teal${isKnown ? "; the less certain the paler" : ""}.`;
+    case "deviation": return `Deviation, 0 (dark) to ${scale} dB/m (bright)${beyond}.`;
     default: return `Mean over deviation, 0 (dark) to ${SIGNIFICANCE_MOST} (bright).`;
   }
 }
 
-/** The end of an image's scale, dB/m. */
-export function scaleOf(image) {
+/** The end of the scale of images in the view of them, dB/m. */
+function scaleOf() {
+  return Number(document.getElementById("image-scale").value);
+}
+
+/** The greatest number of many; 0 when there is none above. */
+function greatest(values) {
   let most = 0;
-  for (const value of image.mean) if (value > most) most = value;
-  const fits = STEPS_DBPM.find((step) => step >= most) ?? STEPS_DBPM.at(-1);
-  const scale = Math.max(fits, scales.get(image.subject) ?? 0);
-  scales.set(image.subject, scale);
-  return scale;
+  for (const value of values) if (value > most) most = value;
+  return most;
 }
 
 /** A canvas with a pixel for each of the image, north up; over a map, what is near zero lets it through. */
 export function imageCanvas(model, image, plane, isOverMap) {
-  const of = `${image.version} ${plane} ${isOverMap}`;
+  const scale = plane === "significance" ? SIGNIFICANCE_MOST : scaleOf();
+  const of = `${image.version} ${plane} ${isOverMap} ${scale}`;
   image.pictures ??= new Map();
   const known = image.pictures.get(`${plane} ${isOverMap}`);
   if (known?.of === of) return known.canvas;
@@ -101,12 +106,14 @@ export function imageCanvas(model, image, plane, isOverMap) {
   [canvas.width, canvas.height] = [image.columns, image.rows];
   const pen = canvas.getContext("2d");
   const pixels = pen.createImageData(image.columns, image.rows);
-  const scale = plane === "significance" ? SIGNIFICANCE_MOST : scaleOf(image);
+  // What no link has crossed is as uncertain as before all measuring, and more than anything else.
+  const unsure = plane === "mean" ? greatest(image.deviation) : 0;
   for (let row = 0; row < image.rows; row++) {
     for (let column = 0; column < image.columns; column++) {
       const index = row * image.columns + column;
       const at = ((image.rows - 1 - row) * image.columns + column) * 4;
-      pixels.data.set(pixelColour(model, valueOf(image, plane, index) / scale, image.deviation[index] / scale, isOverMap), at);
+      const sure = unsure > 0 ? 1 - (1 - PALEST) * (image.deviation[index] / unsure) : 1;
+      pixels.data.set(pixelColour(model, valueOf(image, plane, index) / scale, Number.isNaN(sure) ? 1 : sure, isOverMap), at);
     }
   }
   pen.putImageData(pixels, 0, 0);
@@ -120,14 +127,13 @@ function valueOf(image, plane, index) {
   return image.mean[index] / image.deviation[index];
 }
 
-/** The colour of a share of the scale; what is uncertain fades. */
-function pixelColour(model, share, deviation, isOverMap) {
+/** The colour of a share of the scale; `sure` = how much of it stays. */
+function pixelColour(model, share, sure, isOverMap) {
   if (Number.isNaN(share)) return [0, 0, 0, 0];
   const colours = model.place.heat;
   const level = Math.round(Math.min(1, Math.max(0, share)) * (colours.length - 1));
   const below = Math.min(1, -share);
   const colour = share < 0 ? BELOW_ZERO.map((channel, i) => Math.round(colours[0][i] + (channel - colours[0][i]) * below)) : colours[level];
-  const sure = Number.isNaN(deviation) ? 1 : Math.max(0.25, 1 - deviation);
   const alpha = isOverMap ? Math.min(0.85, Math.abs(share) * 1.6) * sure : sure;
   return [...colour, Math.round(255 * alpha)];
 }

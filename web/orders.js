@@ -99,8 +99,9 @@ export class Orders {
     seat.disabled = !mayOrder || this.hasSeat();
     const word = this.hasSeat() ? "This page has the seat" : orders.seat === null ? "Take the seat" : `Take over the seat from page ${orders.seat}`;
     setText(seat, word);
-    document.getElementById("seat").textContent =
-      orders.seat === null ? "seat: free" : this.hasSeat() ? "seat: this page" : `seat: page ${orders.seat}`;
+    const holder = orders.seat === null ? "free" : this.hasSeat() ? "this page" : `page ${orders.seat}`;
+    // Which operator's word holds: another number there, and somebody else has taken over.
+    setText(document.getElementById("seat"), `seat: ${holder}${orders.lease > 0 ? ` · lease ${orders.lease}` : ""}`);
     if (this.model.isPresent()) this.showLink(orders.isLinked);
     this.fill("stops", orders.stops.map(stopText));
     this.fill("given", [...orders.orders].reverse().map((order) => this.orderText(order)));

@@ -4,6 +4,8 @@
 
 const [word, token] = location.hash.slice(1).split("=");
 const mayOrder = word === "operate" && Boolean(token);
+/** Told to the server alone, so that nobody else gives orders in this page's name. */
+export const secret = [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const result = document.getElementById("stop-result");
 const bar = document.getElementById("bar");
 const CANNOT = "Cannot stop from here: use the radio, or tomoswarm order CONFIG emergency.";
@@ -78,7 +80,7 @@ function refuse(words) {
 
 function send(order, to, within_ms) {
   const page = Number(document.documentElement.dataset.page ?? 0);
-  const body = JSON.stringify({ page, ...order });
+  const body = JSON.stringify(to === "order" ? { page, secret, ...order } : { page, ...order });
   return fetch(to, {
     method: "POST",
     headers: { Authorization: `Bearer ${token}`, "Content-Type": "application/json" },
@@ -131,10 +133,10 @@ async function hold() {
   if (number !== null) say(`Hold is given to ${vehicles.length ? vehicles.join(", ") : "all"}.`, "given");
 }
 
-/** Whether a key writes into what has the focus. Fields for numbers take no spaces. */
+/** Whether a key writes into what has the focus, or chooses in it. Fields for numbers and lists take no spaces. */
 function isTyping(target, isSpace) {
   if (!(target instanceof HTMLElement)) return false;
-  const fields = isSpace ? "input[type=text], textarea" : "input[type=text], input[type=number], textarea";
+  const fields = isSpace ? "input[type=text], textarea" : "input[type=text], input[type=number], select, textarea";
   return target.isContentEditable || target.matches(fields);
 }
 

@@ -15,6 +15,8 @@ use crate::sim::{FoundObject, NEAR_M, RunOutcome, Scenario};
 pub(super) struct PersonSearch {
     /// The finds; `None` when nobody was searched for.
     found: Option<Vec<FoundObject>>,
+    /// The evidence that a find needs, and how many finds of nobody that lets through in an image, on the mean.
+    limit: Option<(f64, f64)>,
     /// Who else may be there, or that nobody was found.
     unfound: Option<String>,
     /// Why nobody was searched for; `None` as well where the mission is no sweep.
@@ -42,6 +44,7 @@ impl PersonSearch {
         });
         PersonSearch {
             found: outcome.has_searched().then(|| outcome.found()),
+            limit: finds.map(|finds| (finds.threshold, finds.false_per_image)),
             unfound,
             why_not: why_not(scenario, outcome),
             persons: outcome.persons.clone(),
@@ -56,7 +59,13 @@ impl PersonSearch {
         let why_not = self.why_not.as_ref();
         let not_searched = why_not.map(|why| format!("nobody was searched for: {why}"));
         let rest = self.unfound.clone().or(not_searched);
-        lines + &rest.map_or(String::new(), |rest| format!("persons           {rest}\n"))
+        let limit = self.limit.map_or(String::new(), |(least, rate)| {
+            format!(
+                "persons           evidence of {least:.1} is needed: {rate} finds of nobody in an image, on the mean\n"
+            )
+        });
+        let rest = rest.map_or(String::new(), |rest| format!("persons           {rest}\n"));
+        lines + &rest + &limit
     }
 
     fn find_in_words(&self, find: &FoundObject) -> String {
@@ -70,9 +79,15 @@ impl PersonSearch {
             }
             Some(error_m) => format!("nobody within {NEAR_M} m, the nearest {error_m:.2} m off"),
         };
+        let [xx, _, yy] = find.covariance_m2;
         format!(
-            "found             at {:.2}, {:.2} m, {:.2} dB/m, evidence {:.1}: {nearest}\n",
-            find.at.x_m, find.at.y_m, find.strength, find.evidence
+            "found             at {:.2} ± {:.2}, {:.2} ± {:.2} m, {:.2} dB/m, evidence {:.1}: {nearest}\n",
+            find.at.x_m,
+            xx.sqrt(),
+            find.at.y_m,
+            yy.sqrt(),
+            find.strength,
+            find.evidence
         )
     }
 
@@ -92,6 +107,15 @@ impl PersonSearch {
                 )
             })
             .collect()
+    }
+
+    /// Returns the evidence that was needed and the rate of finds of nobody for a program; null when nobody was searched for.
+    pub(super) fn limit_json(&self) -> Value {
+        json!(
+            self.limit.map(
+                |(evidence, rate)| json!({ "evidence": evidence, "false_finds_per_image": rate })
+            )
+        )
     }
 
     /// Returns the finds for a program; null when nobody was searched for.
@@ -163,6 +187,7 @@ mod tests {
     fn search(found: Option<Vec<FoundObject>>, why_not: Option<&str>) -> PersonSearch {
         PersonSearch {
             found,
+            limit: None,
             unfound: None,
             why_not: why_not.map(str::to_owned),
             persons: ["ann", "bob"]

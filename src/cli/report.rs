@@ -21,7 +21,9 @@ use crate::sim::{
     VisibleScene, narrowest_gap_m,
 };
 use crate::time::Time;
-use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side, side_tolerance_m};
+use crate::tomo::{
+    Link, Reconstruction, WeightRows, npy_bytes, runs_along_a_side, side_tolerance_m,
+};
 
 /// All files that a run may leave behind.
 pub(super) const FAMILY: FileFamily = FileFamily {
@@ -101,6 +103,8 @@ pub(super) struct RunFigures {
     bus_bytes_by_kind: BytesByKind,
     bus_bytes_per_vehicle_s: f64,
     search: PersonSearch,
+    /// Which solver was chosen for which image, where one was chosen.
+    solvers: Vec<(&'static str, String)>,
     silences: Vec<Silence>,
     /// How the mission of each vehicle ended; empty for a sweep.
     missions: Vec<EndedMission>,
@@ -112,6 +116,20 @@ pub(super) struct RunFigures {
     seen: Option<SurfaceCoverage>,
     /// Images that could not be made, with the reason.
     not_made: Vec<String>,
+}
+
+/// Returns which solver was chosen for the last images of a run.
+fn solvers(outcome: &RunOutcome) -> Vec<(&'static str, String)> {
+    let images = [
+        ("change", &outcome.change),
+        ("structure", &outcome.structure),
+    ];
+    let choice =
+        |image: &Option<Reconstruction>| image.as_ref()?.choice.as_ref().map(|of| of.best.words());
+    let chosen = images
+        .into_iter()
+        .filter_map(|(of, image)| Some((of, choice(image)?)));
+    chosen.collect()
 }
 
 impl RunFigures {
@@ -148,6 +166,7 @@ impl RunFigures {
             bus_bytes_by_kind: outcome.bus_bytes_by_kind(),
             bus_bytes_per_vehicle_s: outcome.bus_bytes_per_vehicle_s(),
             search: PersonSearch::of(scenario, outcome),
+            solvers: solvers(outcome),
             silences: outcome.silences.clone(),
             missions: outcome.missions.clone(),
             missions_done: missions_done(scenario, outcome),
@@ -229,6 +248,16 @@ impl RunFigures {
         let silences: String = self.silences.iter().map(silence_in_words).collect();
         text += &silences;
         text += &self.search.finds_in_words();
+        if !self.solvers.is_empty() {
+            let said = self
+                .solvers
+                .iter()
+                .map(|(of, solver)| format!("{solver} ({of})"));
+            text += &format!(
+                "images by         {}\n",
+                said.collect::<Vec<_>>().join(", ")
+            );
+        }
         for what in &self.not_made {
             text += &format!("not made          {what}\n");
         }
@@ -277,6 +306,8 @@ impl RunFigures {
             "bus_bytes_by_kind": self.bus_bytes_by_kind,
             "bus_bytes_per_vehicle_s": self.bus_bytes_per_vehicle_s,
             "found": self.search.found_json(),
+            "find_limit": self.search.limit_json(),
+            "solvers": self.solvers.iter().map(|(of, solver)| (of.to_string(), json!(solver))).collect::<serde_json::Map<_, _>>(),
             "not_searched": self.search.why_not_json(),
             "persons": self.search.persons_json(),
             "visible_cells": self.seen.map(|seen| seen.of),

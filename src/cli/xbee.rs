@@ -13,9 +13,10 @@ use super::read;
 use super::standard_output::complain;
 use crate::config::{self, Config, Venue, XBEE_BAUDS};
 use crate::hw::xbee_frame::ApiMode;
-use crate::hw::xbee_registers::{Mismatches, ModuleSettings, READ, Registers};
+use crate::hw::xbee_registers::{Mismatches, ModuleSettings, READ, RegisterAnswer, Registers};
 use crate::hw::xbee_setup::SetupSettings;
 use crate::run::drivers::radio::xbee_tool::{XbeeToolError, registers, set_up};
+use crate::run::drivers::usb_adapter::{self, USB_SERIAL};
 
 /// Set up an XBee with 802.15.4 firmware, or show what is set.
 #[derive(clap::Args, Debug)]
@@ -140,6 +141,9 @@ impl ShowArgs {
         };
         let found = registers(&self.port, self.baud).map_err(|error| error_of(&error))?;
         show(&found, out)?;
+        if let Some(delay) = usb_adapter::delay_in_words(&self.port, Path::new(USB_SERIAL)) {
+            complain(&format_args!("warning: {}: {delay}", self.port));
+        }
         let Some(wanted) = wanted else { return Ok(()) };
         let of_its_own = found.power_dbm().unwrap_or(wanted.power_dbm);
         let wanted = ModuleSettings {
@@ -200,9 +204,11 @@ fn error_of(error: &XbeeToolError) -> CliError {
 fn show(registers: &Registers, out: &mut dyn Write) -> Result<(), CliError> {
     let mut text = String::new();
     for name in READ {
-        let value = registers
-            .get(name)
-            .map_or_else(|| "not known".to_owned(), |value| format!("{value:X}"));
+        let value = match registers.answer(name) {
+            Some(RegisterAnswer::Value(value)) => format!("{value:X}"),
+            Some(RegisterAnswer::Failed(status)) => format!("not told (status {status})"),
+            Some(RegisterAnswer::NotKnown) | None => "not known".to_owned(),
+        };
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{name} {value}");
     }

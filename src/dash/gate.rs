@@ -78,6 +78,9 @@ pub enum GateRefusal {
         "more than {REQUESTS_WAITING} requests and messages of pages wait: too many came at a time"
     )]
     Waiting,
+    /// The order names a page that has not given it.
+    #[error("the order does not come from the page that it names")]
+    NotThatPage,
     /// It moves something, and the page has not the seat.
     #[error("this makes vehicles move, and this page has not the seat")]
     NoSeat,
@@ -102,6 +105,7 @@ impl GateRefusal {
             | GateRefusal::NotLive
             | GateRefusal::LookOnly
             | GateRefusal::NotOpen
+            | GateRefusal::NotThatPage
             | GateRefusal::NoSeat
             | GateRefusal::SeatTaken(_)
             | GateRefusal::Unreadable(_) => false,
@@ -326,7 +330,7 @@ impl Gate {
 }
 
 /// Returns whether two texts are the same, in a time that does not tell how much of them is.
-fn is_same(one: &str, other: &str) -> bool {
+pub(super) fn is_same(one: &str, other: &str) -> bool {
     let differing = one
         .bytes()
         .zip(other.bytes())
@@ -354,6 +358,7 @@ mod tests {
             order,
             vehicles: BTreeSet::new(),
             page,
+            secret: String::new(),
             take_over: false,
             mission: None,
         }

@@ -31,6 +31,9 @@ pub struct OrderRequest {
     pub vehicles: BTreeSet<u8>,
     /// By which page.
     pub page: u32,
+    /// What that page has drawn for itself and said over its connection.
+    #[serde(default)]
+    pub secret: String,
     /// With `seat`: take it from whoever has it.
     #[serde(default)]
     pub take_over: bool,

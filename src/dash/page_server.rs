@@ -19,7 +19,7 @@ use tomoswarm_proto::{Interest, Message, StopScope, VehicleId};
 
 pub use self::looks::CellQuestion;
 use super::board::{Board, BoardInput, Subject};
-use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
+use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right, is_same};
 use super::ghost::Ghost;
 use super::history::History;
 use super::links::LinkBook;
@@ -64,6 +64,9 @@ pub enum PageEffect {
 struct PageMessage {
     #[serde(default)]
     token: Option<String>,
+    /// See [`Page::secret`].
+    #[serde(default)]
+    secret: String,
     #[serde(default)]
     credit: u32,
     #[serde(default)]
@@ -89,6 +92,8 @@ struct Page {
     opened: Time,
     /// Once it has said its token.
     outbox: Option<Outbox>,
+    /// What it drew for itself, which tells its orders from others' in its name.
+    secret: String,
     /// What time it asked for last, until it can be shown: who asks a thousand times is shown the last.
     wanted: Option<WantedTime>,
     /// When it looks at another time than the present.
@@ -275,6 +280,7 @@ impl PageServer {
         let page = Page {
             opened: now,
             outbox: None,
+            secret: String::new(),
             wanted: None,
             playback: None,
             is_anew: false,
@@ -310,6 +316,7 @@ impl PageServer {
         welcome["mayOrder"] = json!(right == Right::Operate);
         let newest = newest(&self.board, present, &self.history);
         page.outbox = Some(Outbox::new(now, &welcome.to_string(), &newest));
+        page.secret = said.secret;
         page.wanted = self.is_over.then_some(WantedTime::Past {
             at_s: 0.0,
             speed: 1.0,
@@ -347,8 +354,9 @@ impl PageServer {
         body: &[u8],
     ) -> Result<u32, GateRefusal> {
         self.gate.judge_authorization(authorization)?;
-        let request = OrderRequest::read(body).map_err(GateRefusal::Unreadable)?;
-        self.judge_seat(&request)?;
+        let mut request = OrderRequest::read(body).map_err(GateRefusal::Unreadable)?;
+        self.judge_page(&request)?;
+        request.secret.clear();
         // A stop that is said again is no further one, and is never too many.
         if let Some(number) = self.stop_under_way(now, &request) {
             return Ok(number);
@@ -465,12 +473,16 @@ impl PageServer {
         }
     }
 
-    /// Judges whether a page may ask for the seat: a page that is gone gives it to nobody.
-    fn judge_seat(&self, request: &OrderRequest) -> Result<(), GateRefusal> {
+    /// Judges whether what the seat is needed for comes from the page that it names, and no other one that has seen its number.
+    fn judge_page(&self, request: &OrderRequest) -> Result<(), GateRefusal> {
         let page = self.pages.get(&PageId(request.page));
-        let is_open = page.is_some_and(|page| page.outbox.is_some());
-        let may = request.order != OrderWord::Seat || is_open;
-        may.then_some(()).ok_or(GateRefusal::NotOpen)
+        match page.filter(|page| page.outbox.is_some()) {
+            _ if request.order != OrderWord::Seat && !request.order.moves() => Ok(()),
+            Some(page) if !is_same(&page.secret, &request.secret) => Err(GateRefusal::NotThatPage),
+            // A page that is gone has no seat, and is given none.
+            None if request.order == OrderWord::Seat => Err(GateRefusal::NotOpen),
+            None | Some(_) => Ok(()),
+        }
     }
 
     /// Returns the number of a stop for all that is on its way, or was given a moment ago and is open. One that was lifted, or

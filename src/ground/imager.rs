@@ -144,12 +144,13 @@ impl ImagerActor {
             Subject::Structure => (&mut self.structure, None),
         };
         let solver = solvers.of(job.stage);
-        let is_free = self.times == ImageTimes::Free;
+        let is_last = job.stage == ImageStage::Last;
+        let is_whole = is_last || self.times == ImageTimes::Free;
         let extras = Extras {
-            persons: is_free || job.stage == ImageStage::Last,
-            deviation: is_free.then_some(MOST_BLOCKS),
+            persons: is_whole,
+            deviation: is_whole.then_some(MOST_BLOCKS),
             shares_of: None,
-            links: job.stage == ImageStage::Last,
+            links: is_last,
         };
         let result = solver.update(&job.now, empty, extras);
         let result = result.map_err(|error| error.to_string());

@@ -41,12 +41,17 @@ pub const AO: AtName = AtName(*b"AO");
 /// known to old firmware, which always has them.
 pub const MM: AtName = AtName(*b"MM");
 
+/// Whether it encrypts what it says; if so, it hears no module that does not.
+pub const EE: AtName = AtName(*b"EE");
 /// Baud rate, as the index of one of [`crate::config::XBEE_BAUDS`].
 pub const BD: AtName = AtName(*b"BD");
 /// What is read before a module is used, in this order: the mode says how the rest is framed.
-pub const READ: [AtName; 13] = [AP, VR, HV, SH, SL, MY, ID, CH, PL, PP, NP, AO, MM];
+pub const READ: [AtName; 14] = [AP, VR, HV, SH, SL, MY, ID, CH, PL, PP, NP, AO, MM, EE];
 /// A module that does not know these is none of those that carry beacons.
 const NEEDED: [AtName; 6] = [AP, VR, HV, MY, ID, CH];
+
+/// These are shown and not compared.
+const SHOWN_ONLY: [AtName; 2] = [SH, SL];
 
 /// The network is not this one: it is that of all modules (Digi 90000982, `ID`).
 const ALL_NETWORKS: u16 = 0xFFFF;
@@ -145,19 +150,38 @@ impl ModuleKind {
     }
 }
 
+/// What a module says of a register.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum RegisterAnswer {
+    /// Its value.
+    Value(u32),
+    /// The module does not have it.
+    NotKnown,
+    /// Neither: the answer has this status and no value, as often as it was asked for.
+    Failed(u8),
+}
+
 /// The registers of a module as it has said them.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct Registers(BTreeMap<AtName, Option<u32>>);
+pub struct Registers(BTreeMap<AtName, RegisterAnswer>);
 
 impl Registers {
-    /// Notes an answer; `None` = the module does not know the register.
-    pub fn note(&mut self, name: AtName, value: Option<u32>) {
-        self.0.insert(name, value);
+    /// Notes an answer.
+    pub fn note(&mut self, name: AtName, answer: RegisterAnswer) {
+        self.0.insert(name, answer);
     }
 
-    /// Returns a register's value; `None` = not known, or not asked.
+    /// Returns what the module says of a register; `None` = not asked.
+    pub fn answer(&self, name: AtName) -> Option<RegisterAnswer> {
+        self.0.get(&name).copied()
+    }
+
+    /// Returns a register's value; `None` = not known, not told, or not asked.
     pub fn get(&self, name: AtName) -> Option<u32> {
-        self.0.get(&name).copied().flatten()
+        match self.answer(name)? {
+            RegisterAnswer::Value(value) => Some(value),
+            RegisterAnswer::NotKnown | RegisterAnswer::Failed(_) => None,
+        }
     }
 
     /// Returns what module it is.
@@ -182,6 +206,10 @@ impl Registers {
 
     /// Returns in what it differs from what it is to be; nothing = it can be used.
     pub fn mismatches(&self, settings: &ModuleSettings) -> Vec<Mismatch> {
+        let untold = self.untold();
+        if !untold.is_empty() {
+            return untold;
+        }
         let missing = NEEDED.into_iter().find(|name| self.get(*name).is_none());
         if let Some(name) = missing {
             return vec![Mismatch::Missing { name }];
@@ -221,7 +249,23 @@ impl Registers {
                 most: self.payload_most(),
             });
         }
+        if let Some(has @ 1..) = self.get(EE) {
+            found.push(Mismatch::Encrypted { has });
+        }
         found
+    }
+
+    /// Returns what the module has but does not tell: whether that is as it is to be is not known.
+    fn untold(&self) -> Vec<Mismatch> {
+        let compared = self.0.iter().filter(|(name, _)| !SHOWN_ONLY.contains(name));
+        let untold = compared.filter_map(|(name, answer)| match answer {
+            RegisterAnswer::Failed(status) => Some(Mismatch::Untold {
+                name: *name,
+                status: *status,
+            }),
+            RegisterAnswer::Value(_) | RegisterAnswer::NotKnown => None,
+        });
+        untold.collect()
     }
 }
 
@@ -233,6 +277,16 @@ pub enum Mismatch {
     Missing {
         /// The register.
         name: AtName,
+    },
+    /// It does not say what a register is: that may be anything.
+    #[error(
+        "it does not say its {name}: the answer has status {status} and no value, wanted a value"
+    )]
+    Untold {
+        /// The register.
+        name: AtName,
+        /// The status of its answer.
+        status: u8,
     },
     /// It is a module that carries no beacons.
     #[error("its hardware (HV {hardware:04X}) is not one that carries beacons")]
@@ -266,6 +320,12 @@ pub enum Mismatch {
         /// What it is to be, dBm.
         wanted_dbm: i8,
     },
+    /// It encrypts.
+    #[error("it encrypts (EE is {has:X}, wanted 0), and hears no module that does not")]
+    Encrypted {
+        /// The value of its register.
+        has: u32,
+    },
     /// Its packets carry no beacon.
     #[error("its packets carry {most} bytes (NP), a beacon needs {PAYLOAD_LEAST}")]
     SmallPackets {
@@ -282,8 +342,9 @@ impl Mismatch {
     /// Returns whether `tomoswarm xbee setup` can help.
     pub fn can_be_set(self) -> bool {
         match self {
-            Mismatch::Register { .. } | Mismatch::Power { .. } => true,
+            Mismatch::Register { .. } | Mismatch::Power { .. } | Mismatch::Encrypted { .. } => true,
             Mismatch::Missing { .. }
+            | Mismatch::Untold { .. }
             | Mismatch::Hardware { .. }
             | Mismatch::Firmware { .. }
             | Mismatch::SmallPackets { .. } => false,
@@ -340,13 +401,14 @@ mod tests {
     fn registers(changed: &[(AtName, Option<u32>)]) -> Registers {
         let mut registers = Registers::default();
         let good = [
-            0x2, 0x2014, 0x4142, 0x13A200, 7, 2, 0x1A2B, 15, 4, 8, 114, 2, 0,
+            0x2, 0x2014, 0x4142, 0x13A200, 7, 2, 0x1A2B, 15, 4, 8, 114, 2, 0, 0,
         ];
         for (name, value) in READ.into_iter().zip(good) {
-            registers.note(name, Some(value));
+            registers.note(name, RegisterAnswer::Value(value));
         }
         for (name, value) in changed {
-            registers.note(*name, *value);
+            let answer = value.map_or(RegisterAnswer::NotKnown, RegisterAnswer::Value);
+            registers.note(*name, answer);
         }
         registers
     }
@@ -394,6 +456,29 @@ mod tests {
             &[(VR, Some(0x100B))],
             "its firmware (HV 4142, VR 100B) is not 802.15.4",
         );
+    }
+
+    #[test]
+    fn a_module_that_encrypts_is_told_and_old_firmware_without_encryption_is_right() {
+        check(
+            &[(EE, Some(1))],
+            "it encrypts (EE is 1, wanted 0), and hears no module that does not: `tomoswarm xbee setup` sets it",
+        );
+        check(&[(EE, None)], "");
+    }
+
+    #[test]
+    fn a_register_that_a_module_does_not_tell_is_none_that_it_does_not_know() {
+        for name in READ {
+            let mut all = registers(&[(AO, Some(0))]);
+            all.note(name, RegisterAnswer::Failed(4));
+            let said = Mismatches(all.mismatches(&SETTINGS)).to_string();
+            let untold = format!(
+                "it does not say its {name}: the answer has status 4 and no value, wanted a value"
+            );
+            let is_shown_only = SHOWN_ONLY.contains(&name);
+            assert_eq!(said == untold, !is_shown_only, "{name}: {said}");
+        }
     }
 
     #[test]

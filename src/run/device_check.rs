@@ -19,8 +19,11 @@ use super::drivers::autopilot::Autopilot;
 use super::drivers::radio::xbee_tool;
 use super::drivers::range::{Range, record_edges};
 use super::drivers::servo::{Servo, ServoPlace, WantedPulse};
+use super::drivers::usb_adapter::{self, USB_SERIAL};
 use super::state_dir;
-use crate::config::{AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, VehicleFile};
+use crate::config::{
+    AutopilotDriver, HcSr04Lines, RadioDriver, RangeDriver, VehicleFile, XbeePort,
+};
 use crate::hw::edge_recording::{EdgeRecording, in_words};
 use crate::hw::xbee_registers::{Mismatches, ModuleSettings};
 use crate::node::Event;
@@ -88,7 +91,10 @@ impl DeviceCheck {
         }
         let device = format!("servo ({})", file.drivers.servo.in_words());
         say(device, self.look_at_servo(file, &autopilot)?);
-        say("radio".to_owned(), look_at_radio(file));
+        say(
+            "radio".to_owned(),
+            look_at_radio(file, Path::new(USB_SERIAL)),
+        );
         Ok(())
     }
 
@@ -283,11 +289,21 @@ fn swing(file: &VehicleFile, servo: &Servo, autopilot: &Autopilot) -> Result<Str
     ))
 }
 
-fn look_at_radio(file: &VehicleFile) -> Result<String, String> {
+/// Asks the radio for its registers; `adapters` is the folder in which the kernel has the ports of USB adapters.
+fn look_at_radio(file: &VehicleFile, adapters: &Path) -> Result<String, String> {
     let xbee = match &file.drivers.radio {
         RadioDriver::Simulated => return Ok(SIMULATED.to_owned()),
         RadioDriver::Xbee(xbee) => xbee,
     };
+    let answer = look_at_registers(file, xbee);
+    let Some(delay) = usb_adapter::delay_in_words(&xbee.port, adapters) else {
+        return answer;
+    };
+    let warned = |said: String| format!("{said}; warning: {delay}");
+    answer.map(warned).map_err(warned)
+}
+
+fn look_at_registers(file: &VehicleFile, xbee: &XbeePort) -> Result<String, String> {
     let found = xbee_tool::registers(&xbee.port, xbee.baud).map_err(|error| error.to_string())?;
     let wanted = ModuleSettings::of_venue(file.id, &file.venue, file.radio.power_dbm);
     match found.mismatches(&wanted) {

@@ -25,6 +25,8 @@ mod reopening;
 #[cfg(feature = "hw")]
 mod serial_port;
 pub mod servo;
+#[cfg(feature = "hw")]
+pub mod usb_adapter;
 
 use std::io;
 use std::sync::{Arc, Mutex};

@@ -17,7 +17,6 @@ use super::dense::LowerTriangle;
 use super::map_solver::Nuisance;
 use super::prior::Prior;
 use super::settings::ImagingSettings;
-use super::student;
 use super::weights::WeightRows;
 use crate::geom::PixelGrid;
 
@@ -67,25 +66,21 @@ struct Blocks {
 }
 
 /// Returns the standard deviation of every pixel, dB/m, row-major as the image: under the prior of `map`, and of an image that
-/// is mostly zero under one that knows it. Of each link its variance, dB², and what the image leaves unexplained, dB, are told:
-/// what contradicts the image weighs as little as in `map`. `None` when the numbers leave no answer.
+/// is mostly zero under one that knows it. Of each link the variance is told with which the solver took it for a measurement of
+/// the attenuation on its straight way, dB². `None` when the numbers leave no answer.
 pub(super) fn deviation(
     inputs: &DeviationInputs<'_>,
-    links: impl Iterator<Item = (f64, f64)>,
+    noise_db2: &[f64],
     image: &[f64],
 ) -> Option<Vec<f64>> {
-    let (prior, map) = inputs.settings.belief();
-    let doubted = |(variance_db2, residual_db)| {
-        student::doubted(variance_db2, residual_db, map.student_degrees)
-    };
-    let noise_db2: Vec<f64> = links.map(doubted).collect();
+    let (prior, _) = inputs.settings.belief();
     let posterior = PosteriorInputs {
         grid: inputs.settings.grid,
         most_blocks: inputs.most_blocks,
         prior,
         rows: inputs.rows,
         room: inputs.room,
-        noise_db2: &noise_db2,
+        noise_db2,
         nuisance: inputs.nuisance,
     };
     match inputs.settings.solver.is_non_negative() {

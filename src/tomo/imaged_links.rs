@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::calibrate::Observation;
 use super::deviation::{DeviationInputs, deviation};
 use super::settings::ImagingSettings;
+use super::solvers::Solved;
 use super::weights::WeightRows;
 use crate::geom::{PixelGrid, Point, Segment};
 
@@ -27,19 +28,24 @@ pub struct ImagedLink {
     pub sd_db: f64,
     /// What the image leaves unexplained of it, dB.
     pub residual_db: f64,
+    /// The variance with which the solver took it for a measurement of the attenuation on its straight way, dB²; infinite where it
+    /// tells nothing of it.
+    pub noise_db2: f64,
 }
 
 impl ImagedLink {
     /// Returns all links of an image, in their order.
-    pub(super) fn all(observations: &[Observation], residual_db: &[f64]) -> Vec<ImagedLink> {
-        let of_link = |(link, residual_db): (&Observation, &f64)| ImagedLink {
+    pub(super) fn all(observations: &[Observation], solved: &Solved) -> Vec<ImagedLink> {
+        let of_link = |(link, (residual_db, noise_db2)): (&Observation, (&f64, &f64))| ImagedLink {
             from: link.from,
             to: link.to,
             attenuation_db: link.attenuation_db,
             sd_db: link.variance_db2.sqrt(),
             residual_db: *residual_db,
+            noise_db2: *noise_db2,
         };
-        observations.iter().zip(residual_db).map(of_link).collect()
+        let told = solved.residual_db.iter().zip(&solved.noise_db2);
+        observations.iter().zip(told).map(of_link).collect()
     }
 
     /// Returns the straight path.
@@ -109,8 +115,8 @@ fn direction_of(link: Segment) -> usize {
     ((share * DIRECTIONS as f64) as usize) % DIRECTIONS
 }
 
-/// Returns the standard deviation of every pixel, dB/m, as the links leave it that an image was made of; what contradicts the
-/// image weighs less. `None` when the numbers leave no answer. Of a solver whose images are mostly zero it is large where
+/// Returns the standard deviation of every pixel, dB/m, as the links leave it that an image was made of, each as far as it told
+/// the solver something. `None` when the numbers leave no answer. Of a solver whose images are mostly zero it is large where
 /// something is.
 ///
 /// This is for images of a change: what is not known of a fitted path loss, and where there is no room for a change, is
@@ -122,9 +128,7 @@ pub fn deviation_of(
     most_blocks: usize,
 ) -> Option<Vec<f64>> {
     let segments = links.iter().map(ImagedLink::segment);
-    let doubted = links
-        .iter()
-        .map(|link| (link.sd_db * link.sd_db, link.residual_db));
+    let noise_db2: Vec<f64> = links.iter().map(|link| link.noise_db2).collect();
     let given = DeviationInputs {
         settings,
         most_blocks,
@@ -132,7 +136,7 @@ pub fn deviation_of(
         room: &[],
         nuisance: &[],
     };
-    deviation(&given, doubted, image)
+    deviation(&given, &noise_db2, image)
 }
 
 #[cfg(test)]
@@ -156,6 +160,7 @@ mod tests {
             attenuation_db: 0.0,
             sd_db: 1.0,
             residual_db: 0.0,
+            noise_db2: 1.0,
         }
     }
 

@@ -5,21 +5,18 @@
 mod empty_scene;
 mod memory;
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Segment};
 
 use self::empty_scene::EmptyScene;
 use self::memory::check_memory;
-use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate_around};
 use super::deviation::{DeviationInputs, deviation};
 use super::error::TomoError;
 use super::finds::{Driven, Finds, SearchedGround, find_persons};
 use super::imaged_links::ImagedLink;
-use super::map_solver::{MapProblem, MapSettings, Nuisance};
+use super::map_solver::{MapProblem, MapSettings, MapStart, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::Covariance;
@@ -101,9 +98,8 @@ pub fn reconstruct(
 pub struct Imager {
     settings: ImagingSettings,
     covariance: Covariance,
-    /// Dual variable and trust of each link of the last solution, where the next one begins; of links of one bin those of the
-    /// last of them.
-    last: BTreeMap<BinKey, (f64, f64)>,
+    /// What the last solution by `map` has come to, where the next one begins.
+    last: Option<MapStart>,
     standing: Option<EmptyScene>,
 }
 
@@ -111,7 +107,7 @@ pub struct Imager {
 #[derive(Serialize, Deserialize)]
 struct ImagerSnapshot {
     settings: ImagingSettings,
-    last: BTreeMap<BinKey, (f64, f64)>,
+    last: Option<MapStart>,
     standing: Option<EmptyScene>,
 }
 
@@ -175,14 +171,14 @@ impl Imager {
         Ok(Imager {
             settings,
             covariance,
-            last: BTreeMap::new(),
+            last: None,
             standing: None,
         })
     }
 
     /// Forgets the last solution: the next one depends on its links alone, to the last bit.
     pub fn forget(&mut self) {
-        self.last.clear();
+        self.last = None;
     }
 
     /// Reconstructs from all links so far.
@@ -220,13 +216,17 @@ impl Imager {
         let room = structure.as_ref().filter(|_| are_kept_out);
         let room = room.map_or(Vec::new(), room_for_change);
         rows.scale_pixels(&room);
-        let solved = self.solve(&rows, &mut calibrated, finds.as_ref());
+        let is_exact = extras.shares_of.is_some();
+        let solved = self.solve(&rows, &mut calibrated, finds.as_ref(), is_exact);
         let deviation = extras
             .deviation
             .and_then(|most| self.deviation(most, &rows, &calibrated, &solved, &room));
         let shares = extras
             .shares_of
             .and_then(|pixel| self.shares(pixel, &rows, &calibrated, &solved, &room));
+        let links = extras
+            .links
+            .then(|| ImagedLink::all(&calibrated.observations, &solved));
         let (mut values, residual_db) = (solved.image, solved.residual_db);
         values
             .iter_mut()
@@ -236,9 +236,6 @@ impl Imager {
             grid: self.settings.grid,
             values,
         };
-        let links = extras
-            .links
-            .then(|| ImagedLink::all(&calibrated.observations, &residual_db));
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
         let mut peaks = peaks(&image, self.settings.peaks);
         if let Some(drawn) = finds.as_ref().filter(|_| solved.are_persons_drawn) {
@@ -311,7 +308,7 @@ impl Imager {
     /// [`TomoError::TooLarge`].
     fn structure_of(&mut self, empty: &[Link]) -> Result<Option<Image>, TomoError> {
         // An image that begins cold depends on its links alone.
-        let within_db = if self.last.is_empty() {
+        let within_db = if self.last.is_none() {
             0.0
         } else {
             SAME_SCENE_DB
@@ -382,14 +379,8 @@ impl Imager {
         })
     }
 
-    /// Returns the dual variable and the trust with which a link begins: those of its bin in the last solution.
-    fn start_of(&self, link: &Observation) -> (f64, f64) {
-        let key = BinKey::of(link.from, link.to, self.settings.pairing_m).0;
-        self.last.get(&key).copied().unwrap_or((0.0, 1.0))
-    }
-
     /// Returns the deviation of every pixel under the prior of `map`, and of an image that is mostly zero under one that knows
-    /// it; what contradicts the image weighs as little as in `map`.
+    /// it; each link tells as much as it told the solver.
     fn deviation(
         &self,
         most_blocks: usize,
@@ -398,8 +389,6 @@ impl Imager {
         solved: &Solved,
         room: &[f64],
     ) -> Option<Vec<f64>> {
-        let links = calibrated.observations.iter().zip(&solved.residual_db);
-        let doubted = links.map(|(link, residual_db)| (link.variance_db2, *residual_db));
         let given = DeviationInputs {
             settings: &self.settings,
             most_blocks,
@@ -407,7 +396,7 @@ impl Imager {
             room,
             nuisance: &nuisance_of(calibrated),
         };
-        deviation(&given, doubted, &solved.image)
+        deviation(&given, &solved.noise_db2, &solved.image)
     }
 
     fn solve(
@@ -415,6 +404,7 @@ impl Imager {
         rows: &WeightRows,
         calibrated: &mut Calibrated,
         finds: Option<&Finds>,
+        is_exact: bool,
     ) -> Solved {
         let nuisance = nuisance_of(calibrated);
         let grid = self.settings.grid;
@@ -426,6 +416,7 @@ impl Imager {
         };
         let persons = self.persons(calibrated, finds);
         let solved = match self.settings.solver {
+            Solver::Map(_, settings) if is_exact => self.solve_map(&problem, settings.exact()),
             Solver::Map(_, settings) => self.solve_map(&problem, settings),
             Solver::Tikhonov { alpha_m2 } => solvers::tikhonov(&problem, alpha_m2),
             Solver::Tsvd { share } => solvers::tsvd(&problem, share),
@@ -454,12 +445,11 @@ impl Imager {
             variance_db2: &variance_db2,
             nuisance: problem.nuisance,
         };
-        let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
-        let start = links.iter().map(|link| self.start_of(link)).unzip();
-        let solution = problem.solve(settings, Some(start));
-        let states = solution.dual.iter().copied().zip(solution.trust);
-        self.last = links.iter().map(key).zip(states).collect();
+        let solution = problem.solve(settings, self.last.as_ref());
+        self.last = Some(solution.start);
+        let variances = variance_db2.iter().zip(&solution.trust);
         Solved {
+            noise_db2: variances.map(|(s2, trust)| s2 / trust).collect(),
             image: solution.image,
             residual_db: solution.residual_db,
             nuisance: solution.nuisance,

@@ -1,8 +1,9 @@
 //! The most probable image under a Gaussian prior: x = C Wᵀ (W C Wᵀ + H B Hᵀ + S)⁻¹ y.
 //!
-//! Solved in link space by preconditioned conjugate gradients with a warm start; the covariance is applied by
-//! FFT, so no matrix is formed. Student-t noise by iterative reweighting, w = (ν+1) / (ν + r²/s²). Non-negativity is not
-//! imposed here.
+//! Solved as the same image's least (y − W x − H b)ᵀ S⁻¹ (y − W x − H b) + xᵀ C⁻¹ x + bᵀ B⁻¹ b, by conjugate gradients
+//! preconditioned with C and B: a step is one pass over the weights and one application of the covariance (by FFT), no matrix
+//! is formed, and C⁻¹ x is kept beside x, so that C is never inverted. Student-t noise by iterative reweighting,
+//! w = (ν+1) / (ν + r²/s²). Non-negativity is not imposed here.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +28,7 @@ pub struct MapSettings {
     pub student_degrees: Option<f64>,
     /// How often the links are reweighted.
     pub reweightings: usize,
-    /// Norm of the residual, relative to that of the data, at which a solve ends.
+    /// Norm of the preconditioned gradient, relative to that without any image, at which a solve ends.
     pub tolerance: f64,
     /// Most conjugate-gradient steps of one solve.
     pub most_steps: usize,
@@ -40,6 +41,17 @@ impl Default for MapSettings {
             reweightings: 4,
             tolerance: 1e-3,
             most_steps: 200,
+        }
+    }
+}
+
+impl MapSettings {
+    /// Returns settings with which an image equals the sum of its links' shares to about nine digits.
+    pub(super) fn exact(self) -> MapSettings {
+        MapSettings {
+            tolerance: 1e-11,
+            most_steps: 2_000,
+            ..self
         }
     }
 }
@@ -59,6 +71,13 @@ pub struct MapProblem<'a> {
     pub nuisance: &'a [Nuisance],
 }
 
+/// Where a solution begins: what an earlier one has come to. It asks nothing of the links, which may be others.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct MapStart {
+    /// C⁻¹ x, a value for each pixel, and B⁻¹ b.
+    whitened: Vec<f64>,
+}
+
 /// The solved problem.
 #[derive(Clone, PartialEq, Debug)]
 pub struct MapSolution {
@@ -66,7 +85,7 @@ pub struct MapSolution {
     pub image: Vec<f64>,
     /// y − W x − H b, dB, one per link.
     pub residual_db: Vec<f64>,
-    /// The dual variables, one per link: the warm start of a later solve.
+    /// The dual variables, one per link: residual over variance, 1/dB.
     pub dual: Vec<f64>,
     /// The Student-t weight of each link; 1 for Gaussian noise.
     pub trust: Vec<f64>,
@@ -74,85 +93,106 @@ pub struct MapSolution {
     pub nuisance: Vec<f64>,
     /// Conjugate-gradient steps of all solves together.
     pub steps: usize,
+    /// Where a later, similar problem may begin.
+    pub start: MapStart,
 }
 
 impl MapProblem<'_> {
-    /// Solves; `start` holds dual variables and trusts of an earlier, similar problem.
-    pub fn solve(&self, settings: MapSettings, start: Option<(Vec<f64>, Vec<f64>)>) -> MapSolution {
-        let links = self.attenuation_db.len();
-        let (mut dual, mut trust) = start.unwrap_or_else(|| (vec![0.0; links], vec![1.0; links]));
+    /// Solves; `start` is what a similar problem on the same pixels has come to.
+    pub fn solve(&self, settings: MapSettings, start: Option<&MapStart>) -> MapSolution {
         let mut solver = Solver::new(self);
+        let is_warm = start.is_some_and(|start| solver.begin_at(start));
+        let degrees = settings.student_degrees;
+        let mut trust = vec![1.0; self.attenuation_db.len()];
+        if let (Some(degrees), true) = (degrees, is_warm) {
+            self.reweight(&solver.residual_db, degrees, &mut trust);
+        }
+        let reweightings = degrees.map_or(0, |_| settings.reweightings);
+        let mut goal = None;
         let mut steps = 0;
-        let reweightings = if settings.student_degrees.is_some() {
-            settings.reweightings
-        } else {
-            0
-        };
         for round in 0..=reweightings {
             solver.set_noise(self.variance_db2, &trust);
-            steps += solver.solve(&mut dual, settings.tolerance, settings.most_steps);
-            let Some(degrees) = settings.student_degrees.filter(|_| round < reweightings) else {
+            let goal = *goal.get_or_insert_with(|| solver.goal(settings.tolerance));
+            steps += solver.solve(goal, settings.most_steps);
+            let Some(degrees) = degrees.filter(|_| round < reweightings) else {
                 break;
             };
-            let change = self.reweight(&solver.noise, &dual, degrees, &mut trust);
-            if change < 0.02 {
+            if self.reweight(&solver.residual_db, degrees, &mut trust) < 0.02 {
                 break;
             }
         }
-        let residual_db = dual
-            .iter()
-            .zip(&solver.noise)
-            .map(|(dual, noise)| dual * noise)
-            .collect();
-        let nuisance = self
-            .nuisance
-            .iter()
-            .map(|column| column.variance * dot(&column.column, &dual))
-            .collect();
-        let image = solver.image(&dual);
+        let noise = &solver.noise;
+        let dual = solver.residual_db.iter().zip(noise).map(|(r, s2)| r / s2);
+        let mut image = solver.unknowns;
+        let nuisance = image.split_off(solver.pixels);
         MapSolution {
             image,
-            residual_db,
-            dual,
+            dual: dual.collect(),
+            residual_db: solver.residual_db,
             trust,
             nuisance,
             steps,
+            start: MapStart {
+                whitened: solver.whitened,
+            },
         }
     }
 
-    /// Sets each link's trust to (ν + 1) / (ν + r²/s²), where the residual r is noise times dual; returns the mean change.
-    fn reweight(&self, noise: &[f64], dual: &[f64], degrees: f64, trust: &mut [f64]) -> f64 {
+    /// Sets each link's trust to (ν + 1) / (ν + r²/s²); returns the mean change.
+    fn reweight(&self, residual_db: &[f64], degrees: f64, trust: &mut [f64]) -> f64 {
         let mut change = 0.0;
         for (link, trust) in trust.iter_mut().enumerate() {
-            let residual_db = noise[link] * dual[link];
-            let square = residual_db * residual_db / self.variance_db2[link];
+            let square = residual_db[link] * residual_db[link] / self.variance_db2[link];
             let next = student::trust(square, degrees);
             change += (next - *trust).abs();
             *trust = next;
         }
-        change / noise.len().max(1) as f64
+        change / residual_db.len().max(1) as f64
     }
 }
 
-/// Conjugate gradients on K = W C Wᵀ + H B Hᵀ + S, with its memory.
+/// Conjugate gradients on W'ᵀ S⁻¹ W' + C'⁻¹, where W' = [W H] and C' = diag(C, B), with its memory. Vectors over the
+/// unknowns hold the pixels and behind them the coefficients of the nuisance columns.
 struct Solver<'a> {
     problem: &'a MapProblem<'a>,
+    pixels: usize,
+    /// S over the trusts, dB².
     noise: Vec<f64>,
-    pixels: Vec<f64>,
-    smoothed: Vec<f64>,
+    /// x and b.
+    unknowns: Vec<f64>,
+    /// C'⁻¹ of these.
+    whitened: Vec<f64>,
+    /// y − W x − H b.
+    residual_db: Vec<f64>,
     work: Workspace,
 }
 
 impl<'a> Solver<'a> {
     fn new(problem: &'a MapProblem<'a>) -> Solver<'a> {
         let pixels = problem.covariance.pixels();
+        let unknowns = vec![0.0; pixels + problem.nuisance.len()];
         Solver {
             problem,
+            pixels,
             noise: problem.variance_db2.to_vec(),
-            pixels: vec![0.0; pixels],
-            smoothed: vec![0.0; pixels],
+            whitened: unknowns.clone(),
+            unknowns,
+            residual_db: problem.attenuation_db.to_vec(),
             work: Workspace::default(),
         }
+    }
+
+    /// Begins where an earlier solution was; false if that one has no place here (other pixels, other columns).
+    fn begin_at(&mut self, start: &MapStart) -> bool {
+        if start.whitened.len() != self.whitened.len() {
+            return false;
+        }
+        self.whitened.copy_from_slice(&start.whitened);
+        let mut unknowns = std::mem::take(&mut self.unknowns);
+        self.apply_prior(&start.whitened, &mut unknowns);
+        self.unknowns = unknowns;
+        self.set_residuals();
+        true
     }
 
     fn set_noise(&mut self, variance_db2: &[f64], trust: &[f64]) {
@@ -162,74 +202,118 @@ impl<'a> Solver<'a> {
             .for_each(|(noise, (s2, trust))| *noise = s2 / trust);
     }
 
-    fn image(&mut self, dual: &[f64]) -> Vec<f64> {
-        self.problem.rows.backward(dual, &mut self.pixels);
-        self.problem
-            .covariance
-            .apply(&self.pixels, &mut self.smoothed, &mut self.work);
-        self.smoothed.clone()
-    }
-
-    fn apply(&mut self, dual: &[f64], output: &mut [f64]) {
-        self.problem.rows.backward(dual, &mut self.pixels);
-        self.problem
-            .covariance
-            .apply(&self.pixels, &mut self.smoothed, &mut self.work);
-        self.problem.rows.forward(&self.smoothed, output);
-        for (link, value) in output.iter_mut().enumerate() {
-            *value += self.noise[link] * dual[link];
-        }
-        for column in self.problem.nuisance {
-            let share = column.variance * dot(&column.column, dual);
-            output
-                .iter_mut()
-                .zip(&column.column)
-                .for_each(|(value, unit)| *value += share * unit);
+    /// Gives C' of a vector.
+    fn apply_prior(&mut self, vector: &[f64], output: &mut [f64]) {
+        let (image, nuisance) = vector.split_at(self.pixels);
+        let (smoothed, scaled) = output.split_at_mut(self.pixels);
+        let MapProblem {
+            covariance,
+            nuisance: columns,
+            ..
+        } = *self.problem;
+        covariance.apply(image, smoothed, &mut self.work);
+        for (k, column) in columns.iter().enumerate() {
+            scaled[k] = column.variance * nuisance[k];
         }
     }
 
-    /// Improves `dual` until K·dual = y within the tolerance, preconditioned by the noise; returns the steps taken.
-    fn solve(&mut self, dual: &mut [f64], tolerance: f64, most_steps: usize) -> usize {
-        let data = self.problem.attenuation_db;
-        let mut product = vec![0.0; dual.len()];
-        self.apply(dual, &mut product);
-        let mut residual: Vec<f64> = data
-            .iter()
-            .zip(&product)
-            .map(|(y, product)| y - product)
-            .collect();
-        let preconditioned = |residual: &[f64], noise: &[f64]| -> Vec<f64> {
-            residual
-                .iter()
-                .zip(noise)
-                .map(|(value, noise)| value / noise)
-                .collect()
-        };
-        let goal = tolerance * tolerance * dot(data, &preconditioned(data, &self.noise));
-        let mut scaled = preconditioned(&residual, &self.noise);
-        let mut direction = scaled.clone();
-        let mut square = dot(&residual, &scaled);
-        for step in 0..most_steps {
-            if square <= goal || square <= f64::MIN_POSITIVE {
-                return step;
-            }
-            self.apply(&direction, &mut product);
+    /// Returns W'ᵀ S⁻¹ of values of the links.
+    fn weighed_back(&self, links: &[f64]) -> Vec<f64> {
+        let weighed = links.iter().zip(&self.noise).map(|(value, s2)| value / s2);
+        let weighed: Vec<f64> = weighed.collect();
+        let mut back = vec![0.0; self.unknowns.len()];
+        let (pixels, nuisance) = back.split_at_mut(self.pixels);
+        self.problem.rows.backward(&weighed, pixels);
+        for (coefficient, column) in nuisance.iter_mut().zip(self.problem.nuisance) {
+            *coefficient = dot(&column.column, &weighed);
+        }
+        back
+    }
+
+    /// Computes the residuals of the unknowns as they are.
+    fn set_residuals(&mut self) {
+        let (image, nuisance) = self.unknowns.split_at(self.pixels);
+        self.problem.rows.forward(image, &mut self.residual_db);
+        for (link, value) in self.residual_db.iter_mut().enumerate() {
+            let columns = self.problem.nuisance.iter().zip(nuisance);
+            let level_db: f64 = columns.map(|(of, factor)| of.column[link] * factor).sum();
+            *value = self.problem.attenuation_db[link] - *value - level_db;
+        }
+    }
+
+    /// Returns the square of the preconditioned gradient at which a solve ends: a share of that without any image.
+    fn goal(&mut self, tolerance: f64) -> f64 {
+        let back = self.weighed_back(self.problem.attenuation_db);
+        let mut smoothed = vec![0.0; back.len()];
+        self.apply_prior(&back, &mut smoothed);
+        tolerance * tolerance * dot(&back, &smoothed)
+    }
+
+    /// Gives W'ᵀ S⁻¹ W' of a vector in one pass over the weights, and adds `whitened`.
+    fn apply(&self, vector: &[f64], whitened: &[f64], output: &mut [f64]) {
+        let (image, factors) = vector.split_at(self.pixels);
+        let (back, sums) = output.split_at_mut(self.pixels);
+        sums.fill(0.0);
+        let columns = self.problem.nuisance;
+        let (image, back) = (image.as_chunks().0, back.as_chunks_mut().0);
+        self.problem
+            .rows
+            .there_and_back(image, back, |link, [there]| {
+                let of_columns = columns.iter().zip(factors);
+                let level: f64 = of_columns
+                    .map(|(of, factor)| of.column[link] * factor)
+                    .sum();
+                let weighed = (there + level) / self.noise[link];
+                for (sum, of) in sums.iter_mut().zip(columns) {
+                    *sum += of.column[link] * weighed;
+                }
+                [weighed]
+            });
+        add_scaled(output, whitened, 1.0);
+    }
+
+    /// Improves the unknowns until the square of their preconditioned gradient is no more than `goal`; returns the steps taken.
+    fn solve(&mut self, goal: f64, most_steps: usize) -> usize {
+        let mut gradient = self.weighed_back(&self.residual_db);
+        add_scaled(&mut gradient, &self.whitened, -1.0);
+        let mut smoothed = vec![0.0; gradient.len()];
+        self.apply_prior(&gradient, &mut smoothed);
+        let mut square = dot(&gradient, &smoothed);
+        let (mut direction, mut whitened) = (smoothed.clone(), gradient.clone());
+        let mut product = vec![0.0; gradient.len()];
+        let mut steps = 0;
+        while steps < most_steps && square > goal && square > f64::MIN_POSITIVE {
+            self.apply(&direction, &whitened, &mut product);
             let length = square / dot(&direction, &product);
-            for link in 0..dual.len() {
-                dual[link] += length * direction[link];
-                residual[link] -= length * product[link];
-                scaled[link] = residual[link] / self.noise[link];
-            }
-            let next = dot(&residual, &scaled);
+            add_scaled(&mut self.unknowns, &direction, length);
+            add_scaled(&mut self.whitened, &whitened, length);
+            add_scaled(&mut gradient, &product, -length);
+            self.apply_prior(&gradient, &mut smoothed);
+            let next = dot(&gradient, &smoothed);
             let share = next / square;
-            direction
-                .iter_mut()
-                .zip(&scaled)
-                .for_each(|(direction, scaled)| *direction = scaled + share * *direction);
+            turn(&mut direction, &smoothed, share);
+            turn(&mut whitened, &gradient, share);
             square = next;
+            steps += 1;
         }
-        most_steps
+        self.set_residuals();
+        steps
     }
+}
+
+/// Adds a multiple of one vector to another.
+fn add_scaled(to: &mut [f64], vector: &[f64], factor: f64) {
+    to.iter_mut()
+        .zip(vector)
+        .for_each(|(to, value)| *to += factor * value);
+}
+
+/// Replaces a direction by a new one and a share of what it was.
+fn turn(direction: &mut [f64], new: &[f64], share: f64) {
+    direction
+        .iter_mut()
+        .zip(new)
+        .for_each(|(direction, new)| *direction = new + share * *direction);
 }
 
 #[cfg(test)]
@@ -341,7 +425,7 @@ mod tests {
                 + got.nuisance[1] * h[1].column[k];
             assert!((y[k] - explained - residual).abs() < 1e-5);
         }
-        let again = problem.solve(settings, Some((got.dual.clone(), got.trust.clone())));
+        let again = problem.solve(settings, Some(&got.start));
         assert!(again.steps <= 2, "a warm start took {} steps", again.steps);
     }
 

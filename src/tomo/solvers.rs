@@ -30,6 +30,7 @@ use self::robust::{LinkState, solve_robustly};
 use self::total_variation::PrimalDual;
 use super::Observation;
 use super::map_solver::Nuisance;
+use super::student::doubted;
 use super::weights::WeightRows;
 use crate::geom::PixelGrid;
 
@@ -60,6 +61,9 @@ pub(super) struct Solved {
     pub image: Vec<f64>,
     /// What each link shows beyond the image, dB.
     pub residual_db: Vec<f64>,
+    /// The variance with which each link was taken for a measurement of the attenuation on its straight way, dB²; infinite where
+    /// it tells nothing of it.
+    pub noise_db2: Vec<f64>,
     /// The coefficients of the nuisance columns.
     pub nuisance: Vec<f64>,
     /// The dual variable of each link; empty where the solver has none.
@@ -220,10 +224,14 @@ fn linearly_solved(problem: &LinkProblem<'_>, image: Vec<f64>) -> Solved {
     let mut explained_db = vec![0.0; problem.rows.len()];
     problem.rows.forward(&image, &mut explained_db);
     let links = problem.observations.iter().zip(explained_db);
+    let residual_db: Vec<f64> = links
+        .map(|(link, explained_db)| link.attenuation_db - explained_db)
+        .collect();
+    let links = problem.observations.iter().zip(&residual_db);
+    let noise_db2 = links.map(|(link, residual_db)| doubted(link.variance_db2, *residual_db));
     Solved {
-        residual_db: links
-            .map(|(link, explained_db)| link.attenuation_db - explained_db)
-            .collect(),
+        noise_db2: noise_db2.collect(),
+        residual_db,
         image,
         nuisance: Vec::new(),
         dual: Vec::new(),
@@ -236,6 +244,7 @@ fn solved(problem: &LinkProblem<'_>, [state]: &[LinkState; 1], image: &[[f64; 1]
     Solved {
         image: image.as_flattened().to_vec(),
         residual_db: state.residual_db(problem),
+        noise_db2: state.noise_db2(problem),
         nuisance: state.nuisance.clone(),
         dual: Vec::new(),
         choice: None,

@@ -10,10 +10,9 @@ pub(super) fn trust(square: f64, degrees: f64) -> f64 {
     (degrees + 1.0) / (degrees + square)
 }
 
-/// Returns the variance of a link, larger the farther its residual is off; without degrees of freedom the noise is Gaussian.
-pub(super) fn doubted(variance_db2: f64, residual_db: f64, degrees: Option<f64>) -> f64 {
-    let square = residual_db * residual_db / variance_db2;
-    variance_db2 / degrees.map_or(1.0, |degrees| trust(square, degrees))
+/// Returns the variance of a link, larger the farther its residual is off.
+pub(super) fn doubted(variance_db2: f64, residual_db: f64) -> f64 {
+    variance_db2 / trust(residual_db * residual_db / variance_db2, DEGREES)
 }
 
 /// Returns κ, the factor on all variances under which squares of residuals over variances are most probable; it is at least
@@ -54,7 +53,7 @@ mod tests {
         assert_eq!(trust(0.0, DEGREES), 1.25);
         assert_eq!(trust(1.0, DEGREES), 1.0);
         assert_eq!(trust(96.0, DEGREES), 0.05);
-        assert_eq!(doubted(2.0, 14.0, Some(96.0)), 4.0);
-        assert_eq!(doubted(2.0, 14.0, None), 2.0);
+        assert_eq!(doubted(2.0, 0.0), 1.6);
+        assert_eq!(doubted(2.0, 20.0), 81.6);
     }
 }

@@ -236,7 +236,17 @@ impl Browser {
 }
 
 impl Drop for Browser {
+    /// Closes it; whatever a test refuses or takes away from its page, none throws an error that it does not catch.
     fn drop(&mut self) {
+        self.close();
+        let mut complaints = self.complaints.iter();
+        let thrown = complaints.find(|said| said.starts_with("\"Uncaught"));
+        assert!(std::thread::panicking() || thrown.is_none(), "{thrown:?}");
+    }
+}
+
+impl Browser {
+    fn close(&mut self) {
         let _ = self
             .say
             .write_all(b"{\"id\":999999,\"method\":\"Browser.close\"}\0");

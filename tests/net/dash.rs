@@ -175,12 +175,14 @@ fn strangers_at_the_page_are_refused() {
     assert_eq!(status, 200);
     let answer = answer.to_lowercase();
     for header in [
-        "content-security-policy: default-src 'none'; script-src 'self'",
+        "content-security-policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
+         connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'\r\n",
         "x-content-type-options: nosniff",
         "cache-control: no-store",
     ] {
         assert!(answer.contains(header), "{header}");
     }
+    assert!(!answer.contains("set-cookie"), "{answer}");
     let page = |host: &str, path: &str| {
         dash.ask(&format!(
             "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
@@ -213,6 +215,24 @@ fn strangers_at_the_page_are_refused() {
             status, expected,
             "{host} {origin} {token} {body:.40}: {answer}"
         );
+    }
+    // Whatever is looked at asks for a token, and answers to its own names only.
+    for path in [
+        "/preflight",
+        "/mesh",
+        "/cell?x=1&y=1",
+        "/ghost",
+        "/settings",
+        "/links",
+        "/export?run=1",
+    ] {
+        assert_eq!(page(&own, path), 401, "{path}");
+        assert_eq!(page(&evil, path), 421, "{path}");
+    }
+    for path in ["/waypoints", "/places", "/why"] {
+        let ask = |origin: &str, token: &str| dash.post_to(path, (&own, origin), token, "{}").0;
+        assert_eq!(ask(&origin, ""), 401, "{path}");
+        assert_eq!(ask(&evil_origin, look), 403, "{path}");
     }
     let (status, answer) = dash.metrics(look);
     assert!(
@@ -519,6 +539,8 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
         "it is text"
     );
 
+    sort_the_fleet(&mut browser);
+
     let (wall, free) = (WALL_M, [WALL_M[0] + 4.0, WALL_M[1]]);
     browser.until(
         &format!(
@@ -570,6 +592,17 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
 
     look_back(&mut browser);
     start_again(&mut browser, &swarm);
+    // How the last order fared with it stands in a vehicle's own row.
+    browser.until(
+        "/: start ./.test(document.querySelector('tr[data-vehicle=\"1\"]').children[4].textContent)",
+        10,
+    );
+    // A letter that chooses in a list holds nobody.
+    browser.eval("(() => { document.getElementById('stop-result').textContent = ''; document.getElementById('time-speed').focus(); })()");
+    browser.key("h", "KeyH", 72);
+    let held = browser.eval("document.getElementById('stop-result').textContent");
+    assert_eq!(held, "");
+    browser.eval("document.activeElement.blur()");
 
     // Who looks only stops nobody, and sees that.
     browser.go("about:blank");
@@ -587,6 +620,64 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
             .contains("look only")
     );
     assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+/// Presses heads of the table of vehicles: rows change places, and a row that has nothing comes last either way.
+fn sort_the_fleet(browser: &mut Browser) {
+    let stand = "[...document.querySelectorAll('#vehicles tr[data-vehicle]')].map((row) => row.dataset.vehicle).join()";
+    let head = |n: usize| format!("#vehicles thead th:nth-child({n}) button");
+    let order = |browser: &mut Browser, wanted: &str, sorted: &str| {
+        browser.until(&format!("{stand} === '{wanted}'"), 5);
+        let shown = "document.querySelector('#vehicles [aria-sort]').getAttribute('aria-sort')";
+        assert_eq!(browser.eval(shown), sorted);
+    };
+    order(browser, "1,2,9", "ascending");
+    hold(browser, &head(1), 0);
+    order(browser, "9,2,1", "descending");
+    // Vehicle 9 has troubles.
+    hold(browser, &head(10), 0);
+    order(browser, "9,1,2", "ascending");
+    // Each row of troubles went with its vehicle's.
+    let is_below = "[...document.querySelectorAll('#vehicles tr[data-vehicle]')].every((row) => row.nextElementSibling.firstChild.id === `troubles-${row.dataset.vehicle}`)";
+    assert_eq!(browser.eval(is_below), true);
+    hold(browser, &head(1), 0);
+    order(browser, "1,2,9", "ascending");
+    browser.eval("document.querySelector('tr[data-vehicle=\"1\"]').focus()");
+    browser.key("ArrowDown", "ArrowDown", 40);
+    assert_eq!(browser.eval("document.activeElement.dataset.vehicle"), "2");
+    browser.eval("document.activeElement.blur()");
+}
+
+/// Looks at the pixels of the mean, which are the paler the less certain they are, and at those of the deviation, which are not.
+fn see_what_is_uncertain(browser: &mut Browser) {
+    let drawn = "(() => { const { model } = tomoswarm, image = model.images.get(0), heat = document.getElementById('heat');
+           const side = heat.width / image.columns, pen = heat.getContext('2d'), most = Math.max(...image.deviation);
+           const seen = (k) => [...pen.getImageData((k % image.columns + 0.5) * side, (image.rows - Math.floor(k / image.columns) - 0.5) * side, 1, 1).data];
+           const some = [...image.deviation.keys()].filter((k) => k % 37 === 0);";
+    let choose = |browser: &mut Browser, id: &str, value: &str| {
+        browser.eval(&format!("(() => {{ const s = document.getElementById('{id}'); s.value = '{value}'; s.dispatchEvent(new Event('change')); }})()"));
+    };
+    let paler = format!(
+        "{drawn} const least = Math.min(...image.deviation);
+         return most > 1.05 * least && some.every((k) => Math.abs(seen(k)[3] / 255 - (1 - 0.75 * image.deviation[k] / most)) < 0.02); }})()"
+    );
+    browser.until(&paler, 20);
+    choose(browser, "image-plane", "deviation");
+    choose(browser, "image-scale", "0.5");
+    let as_it_is = format!(
+        "{drawn} const isRight = (k) => {{ const colour = model.place.heat[Math.round(Math.min(1, image.deviation[k] / 0.5) * 255)], at = seen(k);
+           return at[3] === 255 && colour.every((channel, i) => channel === at[i]); }};
+         return document.getElementById('heat-scale').textContent.startsWith('Deviation, 0 (dark) to 0.5') && some.every(isRight); }})()"
+    );
+    browser.until(&as_it_is, 20);
+    choose(browser, "image-plane", "significance");
+    let in_deviations = format!(
+        "{drawn} const isRight = (k) => image.mean[k] < 0 || seen(k)[3] === 255 && model.place.heat[Math.round(Math.min(1, image.mean[k] / image.deviation[k] / 6) * 255)].every((channel, i) => channel === seen(k)[i]);
+         return some.every(isRight); }})()"
+    );
+    browser.until(&in_deviations, 20);
+    choose(browser, "image-plane", "mean");
+    choose(browser, "image-scale", "4");
 }
 
 #[test]
@@ -621,6 +712,7 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
         20,
     );
     shot(&mut browser, "image");
+    see_what_is_uncertain(&mut browser);
 
     browser.ask("Network.setBlockedURLs", json!({"urls": ["*/scene2d.js"]}));
     browser.go("about:blank");

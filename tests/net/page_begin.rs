@@ -86,6 +86,7 @@ fn an_empty_sweep_is_begun_and_then_one_that_is_compared_with_it() {
 fn refusals(dash: &Dash, swarm: &Swarm, browser: &mut Browser) {
     let own = format!("127.0.0.1:{}", dash.port);
     let page = browser.eval("tomoswarm.model.place.page");
+    let secret = browser.eval("tomoswarm.feed.secret");
     for (mission, reason) in [
         (json!({"kind": "sweep", "set": ["laps=0"]}), "laps"),
         (json!({"kind": "sweep", "set": ["lapz=1"]}), "lapz"),
@@ -99,7 +100,8 @@ fn refusals(dash: &Dash, swarm: &Swarm, browser: &mut Browser) {
         ),
         (json!({"kind": "fan-crooked"}), "fan-crooked"),
     ] {
-        let body = json!({"order": "start", "page": page, "mission": mission}).to_string();
+        let body = json!({"order": "start", "page": page, "secret": secret, "mission": mission})
+            .to_string();
         let (status, answer) = dash.post(
             &own,
             &format!("http://{own}"),

@@ -237,8 +237,9 @@ fn stops_by_the_space_key_reach_the_bus() {
     };
     take_seat(&mut browser);
     let page: Value = browser.eval("tomoswarm.model.place.page");
+    let secret: Value = browser.eval("tomoswarm.feed.secret");
     let own = format!("127.0.0.1:{}", dash.port);
-    let start = json!({"order": "start", "page": page}).to_string();
+    let start = json!({"order": "start", "page": page, "secret": secret}).to_string();
     let mut all_ms = Vec::new();
     for _ in 0..STOPS {
         let began = Instant::now();

@@ -238,3 +238,32 @@ fn a_module_that_is_pulled_out_is_missed_soon_costs_nothing_and_sends_soon_when_
 fn the_makers_library_speaks_with_simulated_modules_in_both_api_modes() {
     run_script("xbee/vendor_library.py", "digi.xbee");
 }
+
+/// The figure of docs/figures.md, XBee: packets of a small sweep over pseudo-terminals against the simulated driver's.
+#[test]
+#[ignore = "two whole sweeps, by hand"]
+fn a_sweep_by_modules_has_the_packets_of_one_by_the_simulated_radio() {
+    let packets = |by_modules: bool| {
+        let mut swarm = Swarm::prepare(Size {
+            vehicles: 2,
+            laps: 1,
+            relayed: false,
+        });
+        if by_modules {
+            swarm.speak_by_xbee();
+        }
+        swarm.run();
+        swarm.begin();
+        swarm.until_end();
+        let heard = swarm.look(|watch| watch.report().samples);
+        swarm.finish();
+        heard
+    };
+    let (simulated, by_modules) = (packets(false), packets(true));
+    let share = by_modules as f64 / simulated as f64;
+    println!(
+        "{by_modules} packets by modules, {simulated} by the simulated radio: {:.0} %",
+        100.0 * share
+    );
+    assert!(share >= 0.8, "{share}");
+}

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tomoswarm::hw::xbee_frame::ApiMode;
 use tomoswarm::hw::xbee_modem::{ModemOut, XbeeModem};
-use tomoswarm::hw::xbee_registers::{ModuleKind, ModuleSettings};
+use tomoswarm::hw::xbee_registers::{EE, ModuleKind, ModuleSettings};
 use tomoswarm::sim::xbee_module::ModuleFaults;
 use tomoswarm::time::Time;
 use tomoswarm_proto::{Beacon, Boot, VehicleId};
@@ -281,6 +281,24 @@ fn a_module_in_the_other_mode_is_told_whichever_that_is() {
         assert_eq!(troubles.len(), 1);
         assert!(troubles[0].to_string().ends_with(&expected), "{troubles:?}");
     }
+}
+
+#[test]
+fn a_module_that_encrypts_is_refused_by_that_name() {
+    let mut encrypting = module(ModuleKind::Xbee3, &wanted(1), 115_200);
+    assert!(encrypting.set_register(EE, &[1]));
+    let mut field = Field::new();
+    field.add(XbeeModem::new(wanted(1)), encrypting);
+    field.open();
+    while field.now < at_s(1) {
+        field.step(at_s(1));
+    }
+    let modem = &field.links[0].modem;
+    let troubles = modem.troubles(field.now);
+    assert!(!modem.is_ready() && troubles.len() == 1, "{troubles:?}");
+    let said = troubles[0].to_string();
+    assert!(said.contains("it encrypts (EE is 1, wanted 0)"), "{said}");
+    assert!(said.ends_with("`tomoswarm xbee setup` sets it"), "{said}");
 }
 
 #[test]

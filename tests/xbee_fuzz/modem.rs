@@ -20,7 +20,7 @@ pub const SETTINGS: ModuleSettings = ModuleSettings {
 };
 
 /// The values of an XBee 3 that is as wanted, in the order of [`READ`].
-const GOOD: [&[u8]; 13] = [
+const GOOD: [&[u8]; 14] = [
     &[2],
     &[0x20, 0x14],
     &[0x42, 0x42],
@@ -33,6 +33,7 @@ const GOOD: [&[u8]; 13] = [
     &[8],
     &[114],
     &[2],
+    &[0],
     &[0],
 ];
 

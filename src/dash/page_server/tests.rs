@@ -285,6 +285,33 @@ fn a_page_that_is_not_connected_cannot_have_the_seat() {
 }
 
 #[test]
+fn nobody_gives_orders_in_the_name_of_a_page_whose_number_is_seen() {
+    let mut server = server();
+    let one = server.open(at(0.0)).unwrap();
+    let hello = json!({ "token": OPERATE, "secret": "drawn" }).to_string();
+    server.page_said(at(0.0), one, &hello).unwrap();
+    let two = page(&mut server, 0.0, OPERATE);
+    let mut ask = |word: &str, page: PageId, secret: &str| {
+        let said = json!({ "order": word, "page": page.0, "secret": secret, "take_over": true });
+        order(&mut server, 0.5, OPERATE, &said.to_string())
+    };
+    assert_eq!(ask("seat", one, ""), Err(GateRefusal::NotThatPage));
+    assert_eq!(ask("seat", two, "drawn"), Err(GateRefusal::NotThatPage));
+    assert!(ask("seat", one, "drawn").is_ok());
+    for word in ["start", "return", "land"] {
+        for secret in ["", "drawm", "drawn "] {
+            assert_eq!(ask(word, one, secret), Err(GateRefusal::NotThatPage));
+        }
+        assert!(ask(word, one, "drawn").is_ok());
+    }
+    assert_eq!(ask("start", two, ""), Err(GateRefusal::NoSeat));
+    // Whoever stops need not be anybody.
+    assert!(ask("stop", one, "").is_ok());
+    let given = &server.board().orders().given;
+    assert!(given.iter().all(|order| order.request.secret.is_empty()));
+}
+
+#[test]
 fn all_pages_see_who_has_the_seat_and_that_it_is_free_again() {
     let mut server = server();
     let (one, two) = (

@@ -51,7 +51,7 @@ struct Rig {
 
 impl Rig {
     fn new(changed: &[(AtName, Option<&[u8]>)]) -> Rig {
-        let good: [&[u8]; 13] = [
+        let good: [&[u8]; 14] = [
             &[2],
             &[0x20, 0x14],
             &[0x41, 0x42],
@@ -64,6 +64,7 @@ impl Rig {
             &[8],
             &[114],
             &[2],
+            &[0],
             &[0],
         ];
         let mut registers: Vec<(AtName, Option<Vec<u8>>)> = READ

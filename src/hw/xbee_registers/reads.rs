@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   Asked ─answer─► the next one asked …, after the last one ─► Read
-//!     └─ no answer for a while ─► asked again, thrice in all ─► Silent
+//!     ├─ no answer for a while ─► asked again, thrice in all ─► Silent
+//!     └─ answer of an error ─► asked again, thrice in all ─► noted as that, and the next one asked
 //! ```
 //!
 //! The first question, which is for the mode, and its answer hold no byte that is escaped: they are understood in both modes.
@@ -10,7 +11,7 @@
 
 use std::time::Duration;
 
-use super::{AP, READ, Registers, value_of};
+use super::{AP, READ, RegisterAnswer, Registers, value_of};
 use crate::hw::xbee_frame::{ApiMode, AtName, Frame, encode};
 use crate::time::Time;
 
@@ -18,6 +19,8 @@ use crate::time::Time;
 const AGAIN: Duration = Duration::from_millis(200);
 /// It is asked for so often at most.
 const TRIES_MAX: u8 = 3;
+/// The status of an answer to what the module does not know (Digi 90000982, frame 0x88).
+const UNKNOWN: u8 = 2;
 /// The numbers of questions: with these no byte of the first question and its answer is escaped.
 const IDS: u8 = 8;
 
@@ -64,7 +67,12 @@ impl RegisterReads {
         if READ.get(self.next) != Some(&answer.name) || answer.id != self.id {
             return ReadState::Asked;
         }
-        self.found.note(answer.name, answer.value);
+        let found = answer.of_register();
+        // What cannot be told now may be told a moment later.
+        if matches!(found, RegisterAnswer::Failed(_)) && self.tries < TRIES_MAX {
+            return ReadState::Asked;
+        }
+        self.found.note(answer.name, found);
         if answer.name == AP {
             self.mode = answer
                 .value
@@ -125,7 +133,7 @@ pub struct Answer {
     pub name: AtName,
     /// 0 = done; others as in [`Frame::CommandAnswer`].
     pub status: u8,
-    /// The value that was read; `None` = the module does not know it.
+    /// The value that was read; `None` = the answer has none, or its status is not 0.
     pub value: Option<u32>,
 }
 
@@ -149,6 +157,15 @@ impl Answer {
             value: is_value.then(|| value_of(value)),
         })
     }
+
+    /// Returns what it says of a register that was asked for.
+    fn of_register(&self) -> RegisterAnswer {
+        match (self.value, self.status) {
+            (Some(value), _) => RegisterAnswer::Value(value),
+            (None, UNKNOWN) => RegisterAnswer::NotKnown,
+            (None, status) => RegisterAnswer::Failed(status),
+        }
+    }
 }
 
 /// Appends a command, or a question for a register.
@@ -159,6 +176,7 @@ pub fn command(id: u8, name: AtName, value: &[u8], mode: ApiMode, bytes: &mut Ve
 
 #[cfg(test)]
 mod tests {
+    use super::super::{AO, EE};
     use super::*;
     use crate::hw::xbee_frame::Decoder;
 
@@ -218,6 +236,45 @@ mod tests {
         }
         assert_eq!(questions(ApiMode::Plain, &mut bytes).len(), 3);
         assert_eq!(reads.due(at_ms(600), &mut bytes), ReadState::Silent);
+    }
+
+    /// Reads all registers of a module that answers AO with a status and no value, at the given time of asking.
+    fn read_with(status_of_ao: impl Fn(usize) -> u8) -> (Registers, usize) {
+        let mut bytes = Vec::new();
+        let mut reads = RegisterReads::begin(at_ms(0), ApiMode::Plain, &mut bytes);
+        let (mut ms, mut times) = (0, 0);
+        for _ in 0..100 {
+            for (id, name) in questions(ApiMode::Plain, &mut bytes) {
+                let name = AtName(name.as_bytes().try_into().unwrap());
+                let mut answer = answer(id, name, 2);
+                if name == AO {
+                    let status = status_of_ao(times);
+                    answer.status = status;
+                    answer.value = (status == 0).then_some(2);
+                    times += 1;
+                }
+                if reads.hear(at_ms(ms), &answer, &mut bytes) == ReadState::Read {
+                    return (reads.found().clone(), times);
+                }
+            }
+            ms += 50;
+            assert_eq!(reads.due(at_ms(ms), &mut bytes), ReadState::Asked);
+        }
+        panic!("it is asked for ever");
+    }
+
+    #[test]
+    fn an_answer_of_an_error_is_asked_for_again_and_does_not_mean_that_a_register_is_not_known() {
+        for (statuses, expected, asked) in [
+            ([2, 2, 2], RegisterAnswer::NotKnown, 1),
+            ([1, 1, 1], RegisterAnswer::Failed(1), 3),
+            ([4, 3, 4], RegisterAnswer::Failed(4), 3),
+            ([4, 0, 0], RegisterAnswer::Value(2), 2),
+        ] {
+            let (found, times) = read_with(|time| statuses[time]);
+            assert_eq!((found.answer(AO), times), (Some(expected), asked));
+            assert_eq!(found.answer(EE), Some(RegisterAnswer::Value(2)));
+        }
     }
 
     #[test]

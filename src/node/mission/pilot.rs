@@ -60,6 +60,9 @@ pub(super) const AHEAD_M: f64 = 4.0;
 pub(super) const ARRIVED_M: f64 = 0.35;
 /// After a search without a result, wait this long; longer after every further one.
 const SEARCH_AGAIN: Duration = Duration::from_secs(3);
+/// Standard deviation of a place up to which a track is driven again whatever the map shows, metres: two of it are what the
+/// reflex leaves.
+const TRACK_SD_M: f64 = 0.05;
 /// The longest such wait, in shortest ones.
 const LONGEST_WAIT: u32 = 4;
 
@@ -334,11 +337,20 @@ impl Pilot {
             2.0 * situation.pose.sd_m,
             self.settings.lattice.cell_m(),
         );
+        // Who is not where it was when it believes to be there has room on its track only where the map shows some.
+        let own_track = match situation.pose.sd_m <= TRACK_SD_M {
+            true => RequiredClearance::everywhere(0.0),
+            false => RequiredClearance::driven_before(
+                self.settings.reach_m(),
+                0.0,
+                self.settings.lattice.cell_m(),
+            ),
+        };
         let strip = Strip {
             way,
             route,
             corridor: Corridor {
-                clearance: stretch.clearance(released, driven_before),
+                clearance: stretch.clearance(released, driven_before, own_track),
                 ahead_m: AHEAD_M,
             },
         };

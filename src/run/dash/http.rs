@@ -362,6 +362,7 @@ fn refused(refusal: &GateRefusal) -> Response {
         GateRefusal::Origin
         | GateRefusal::NotLive
         | GateRefusal::LookOnly
+        | GateRefusal::NotThatPage
         | GateRefusal::NoSeat => StatusCode::FORBIDDEN,
         GateRefusal::SeatTaken(_) | GateRefusal::NotOpen => StatusCode::CONFLICT,
         GateRefusal::Pages | GateRefusal::Flood | GateRefusal::Waiting => {

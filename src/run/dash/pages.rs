@@ -323,10 +323,11 @@ impl Pages {
     }
 }
 
-/// Returns a body as one line of a log.
+/// Returns a body as one line of a log, without what its page keeps to itself.
 fn shown(body: &[u8]) -> String {
-    String::from_utf8_lossy(body)
-        .escape_debug()
-        .take(200)
-        .collect()
+    let mut said: serde_json::Value = serde_json::from_slice(body).unwrap_or_default();
+    if let Some(said) = said.as_object_mut() {
+        said.remove("secret");
+    }
+    said.to_string().escape_debug().take(200).collect()
 }

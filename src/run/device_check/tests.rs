@@ -170,6 +170,29 @@ fn every_device_that_does_not_answer_is_named_with_its_reason() {
 }
 
 #[test]
+fn a_radio_whose_adapter_holds_bytes_back_is_told_so_whatever_it_answers() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("xbee");
+    // It says something, but no frames.
+    let _lidar = Lidar::plug(&port);
+    let file = vehicle(&format!(
+        "autopilot.driver = \"sim\"\nradio.driver = \"xbee\"\nradio.xbee.port = \"{}\"\nservo.driver = \"none\"\n\
+         range.driver = \"sim\"\n",
+        port.display()
+    ));
+    let terminal = fs::canonicalize(&port).unwrap();
+    let adapter = folder.path().join(terminal.file_name().unwrap());
+    fs::create_dir(&adapter).unwrap();
+    for (delay, is_told) in [("16\n", true), ("1\n", false)] {
+        fs::write(adapter.join("latency_timer"), delay).unwrap();
+        let why = look_at_radio(&file, folder.path()).unwrap_err();
+        assert!(why.contains("no module answers at 115200 baud"), "{why}");
+        let warning = "; warning: its USB adapter holds bytes back for 16 ms";
+        assert_eq!(why.contains(warning), is_told, "{why}");
+    }
+}
+
+#[test]
 fn a_recording_is_never_written_over() {
     let folder = tempfile::tempdir().unwrap();
     let recording = || EdgeRecording {

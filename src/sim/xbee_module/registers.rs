@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::config::XBEE_BAUDS;
 use crate::hw::xbee_frame::{ApiMode, AtName};
 use crate::hw::xbee_registers::{
-    AO, AP, BD, CH, HV, ID, MM, MY, ModuleKind, NP, PL, PP, SH, SL, VR, value_of,
+    AO, AP, BD, CH, EE, HV, ID, MM, MY, ModuleKind, NP, PL, PP, SH, SL, VR, value_of,
 };
 
 /// Its name.
@@ -41,7 +41,7 @@ const NUMBERS: [(AtName, usize, [u32; 2], u32); 19] = [
     (AtName(*b"CE"), 1, [0, 1], 0),
     (AtName(*b"A1"), 1, [0, 15], 0),
     (AtName(*b"SM"), 1, [0, 6], 0),
-    (AtName(*b"EE"), 1, [0, 1], 0),
+    (EE, 1, [0, 1], 0),
     (AtName(*b"RR"), 1, [0, 6], 0),
     (MM, 1, [0, 3], 0),
     (AtName(*b"CA"), 1, [0, 0x50], 0x41),

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geom::Rect;
+use crate::tomo::bins::BinKey;
 
 const AREA: Rect = Rect {
     min: Point::new(0.0, 0.0),

@@ -125,6 +125,17 @@ fn explain<const LANES: usize>(
 }
 
 impl LinkState {
+    /// Returns the variance with which each link tells the attenuation on its straight way, dB²: by κ and its trust, and the
+    /// larger the less is shown of one more decibel. A link at the receiver's floor that explains no more than it shows, and one
+    /// behind which nothing is seen, tells nothing (infinite).
+    pub(super) fn noise_db2(&self, problem: &LinkProblem<'_>) -> Vec<f64> {
+        let residual_db = self.residual_db(problem);
+        let trust = trust(problem, &residual_db, self.noise_scale);
+        let used = vec![true; residual_db.len()];
+        let links = self.linearised(problem, &used, &trust);
+        links.map(|(scale, _)| 1.0 / (scale * scale)).collect()
+    }
+
     /// Returns scale and data of each link ([`Linearised`]).
     fn linearised(
         &self,

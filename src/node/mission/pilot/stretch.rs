@@ -23,7 +23,8 @@ pub(super) enum Stretch {
         /// The odometer at its end, metres.
         end_m: f64,
     },
-    /// The same over the vehicle's own track: it was there, so only what its reflex meets bars it.
+    /// The same over the vehicle's own track: it was there, so only what its reflex meets bars it, as long as its place was known
+    /// well enough, then and now, for the track to be where it was.
     OwnTrack {
         /// The odometer at its end, metres.
         end_m: f64,
@@ -45,16 +46,17 @@ impl Stretch {
         }
     }
 
-    /// Returns what must be free: what the vehicle keeps, or what it needs where it has driven before.
+    /// Returns what must be free: what the vehicle keeps, or what it needs where it has driven before, or on its own track.
     pub(super) fn clearance(
         self,
         kept: RequiredClearance,
         driven_before: RequiredClearance,
+        own_track: RequiredClearance,
     ) -> RequiredClearance {
         match self {
             Stretch::Ordinary | Stretch::Retreat { .. } => kept,
             Stretch::DrivenBefore => driven_before,
-            Stretch::OwnTrack { .. } => RequiredClearance::everywhere(0.0),
+            Stretch::OwnTrack { .. } => own_track,
         }
     }
 
@@ -137,6 +139,7 @@ mod tests {
                 .clearance(
                     RequiredClearance::everywhere(0.6),
                     RequiredClearance::everywhere(0.3),
+                    RequiredClearance::everywhere(0.0),
                 )
                 .occupied_m
         });
