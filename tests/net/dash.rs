@@ -223,7 +223,7 @@ fn strangers_at_the_page_are_refused() {
         "/cell?x=1&y=1",
         "/ghost",
         "/settings",
-        "/links",
+        "/links?run=1",
         "/export?run=1",
     ] {
         assert_eq!(page(&own, path), 401, "{path}");
