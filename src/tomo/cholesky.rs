@@ -83,6 +83,13 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
+/// Adds a multiple of some values to as many others.
+pub(super) fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
+    to.iter_mut()
+        .zip(values)
+        .for_each(|(to, value)| *to += factor * value);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cholesky::dot;
+use super::cholesky::{add_scaled, dot};
 use super::prior::{Covariance, Workspace};
 use super::student;
 use super::weights::WeightRows;
@@ -111,7 +111,7 @@ impl MapProblem<'_> {
         let mut goal = None;
         let mut steps = 0;
         for round in 0..=reweightings {
-            solver.set_noise(self.variance_db2, &trust);
+            solver.set_noise(&trust);
             let goal = *goal.get_or_insert_with(|| solver.goal(settings.tolerance));
             steps += solver.solve(goal, settings.most_steps);
             let Some(degrees) = degrees.filter(|_| round < reweightings) else {
@@ -195,10 +195,10 @@ impl<'a> Solver<'a> {
         true
     }
 
-    fn set_noise(&mut self, variance_db2: &[f64], trust: &[f64]) {
+    fn set_noise(&mut self, trust: &[f64]) {
         self.noise
             .iter_mut()
-            .zip(variance_db2.iter().zip(trust))
+            .zip(self.problem.variance_db2.iter().zip(trust))
             .for_each(|(noise, (s2, trust))| *noise = s2 / trust);
     }
 
@@ -299,13 +299,6 @@ impl<'a> Solver<'a> {
         self.set_residuals();
         steps
     }
-}
-
-/// Adds a multiple of one vector to another.
-fn add_scaled(to: &mut [f64], vector: &[f64], factor: f64) {
-    to.iter_mut()
-        .zip(vector)
-        .for_each(|(to, value)| *to += factor * value);
 }
 
 /// Replaces a direction by a new one and a share of what it was.

@@ -13,6 +13,7 @@
 //! unknowns beside the pixels. Links that are known together are taken together ([`StreamingMap::add`]), which costs less
 //! than one by one. Noise is Gaussian here; robust weights are [`super::map_solver`]'s.
 
+use super::cholesky::add_scaled;
 use super::dense::{LowerTriangle, add_four};
 use super::map_solver::Nuisance;
 use super::prior::{Covariance, Prior, Workspace};
@@ -551,13 +552,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     }
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
-}
-
-/// Adds a multiple of some values to as many others.
-fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
-    to.iter_mut()
-        .zip(values)
-        .for_each(|(to, value)| *to += factor * value);
 }
 
 #[cfg(test)]
