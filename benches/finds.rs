@@ -2,7 +2,7 @@
 //! how fast the program is; the tests take a sample of the same runs.
 //!
 //! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each placement, or of those named (default,
-//!   nobody, wall, pair, three, five, weak), from a seed on, on all cores; prints a table, and names the runs in which
+//!   nobody, wall, pair, three, five, weak, house, castle: two persons in these scenes), from a seed on, on all cores; prints a table, and names the runs in which
 //!   somebody was missed, or nobody was found.
 //! - `… -- 3 1 eight`: three default runs with eight vehicles; `trio`, `trio-nobody`, `trio-weak`: with three vehicles.
 

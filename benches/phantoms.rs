@@ -8,6 +8,10 @@
 //! phantoms and the reference's scores (`BASELINE.jsonl`) are made before, by the scripts in `../shared/tools/phantoms`;
 //! these need a Python with numpy and scipy (`PYTHON=/path/to/python`). Without scripts or folder it says so and does
 //! nothing.
+//!
+//! `… -- FOLDER [FIRST SEEDS] person` looks at phantoms of one person alone (`person_150`, `person_600`), without a reference:
+//! the person's place by `points` is the strongest find or, where nobody is found, the best place that did not pass; how
+//! often it lies within 0.5 m, how often it is found, and the error in metres.
 
 #![allow(
     clippy::disallowed_methods,
@@ -58,8 +62,9 @@ fn main() {
         .iter()
         .filter_map(|word| word.parse().ok())
         .collect();
+    let is_of_person = words[1..].iter().any(|word| word == "person");
     if let [first, seeds] = numbers[..]
-        && !make(&folder, first, seeds)
+        && !make(&folder, first, seeds, !is_of_person)
     {
         return;
     }
@@ -80,6 +85,11 @@ fn main() {
         })
         .collect();
     cases.sort();
+    if is_of_person {
+        cases.retain(|case| case.starts_with("person_"));
+        place_persons(&folder, &cases);
+        return;
+    }
     let reference = references(&folder);
     let mut kinds: BTreeMap<String, Vec<(Scores, Option<Scores>)>> = BTreeMap::new();
     let mut bands: BTreeMap<String, Vec<[f64; 4]>> = BTreeMap::new();
@@ -131,8 +141,49 @@ fn main() {
     }
 }
 
-/// Makes phantoms and reference; returns whether that worked.
-fn make(folder: &Path, first: u32, seeds: u32) -> bool {
+/// Says how well the one person of each phantom is placed.
+fn place_persons(folder: &Path, cases: &[String]) {
+    let mut kinds: BTreeMap<&str, Vec<(f64, bool)>> = BTreeMap::new();
+    for case in cases {
+        let points = Solver::Points(ImagingSettings::candidates_for(area()).sparse);
+        let finds = image_of(folder, case, Some(points)).and_then(|made| made.finds);
+        let (Some(finds), Some(person)) = (finds, person_of(folder, case)) else {
+            println!("{case}: no image, or no person is told");
+            continue;
+        };
+        let best = finds.found.first().or(finds.next.as_ref());
+        let error_m = best.map_or(f64::INFINITY, |find| find.at.distance_to(person));
+        let (kind, _) = case.rsplit_once('_').unwrap_or((case, ""));
+        let row = (error_m, !finds.found.is_empty());
+        kinds.entry(kind).or_default().push(row);
+    }
+    for (kind, rows) in kinds {
+        let mut errors_m: Vec<f64> = rows.iter().map(|(error_m, _)| *error_m).collect();
+        errors_m.sort_by(f64::total_cmp);
+        let share = |count: usize| count as f64 / rows.len() as f64;
+        let near = errors_m.iter().filter(|error_m| **error_m < 0.5).count();
+        let found = rows.iter().filter(|(_, is_found)| *is_found).count();
+        println!(
+            "{kind}: {} phantoms, within 0.5 m {:.3}, found {:.3}, error {:.2} m (median), {:.2} m (95 %)",
+            rows.len(),
+            share(near),
+            share(found),
+            errors_m[rows.len() / 2],
+            errors_m[rows.len() * 95 / 100]
+        );
+    }
+}
+
+/// Returns where the first person of a phantom stands.
+fn person_of(folder: &Path, case: &str) -> Option<Point> {
+    let text = fs::read_to_string(folder.join(format!("{case}.truth.json"))).ok()?;
+    let truth: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let at = |k: usize| truth["persons_m"][0][k].as_f64();
+    Some(Point::new(at(0)?, at(1)?))
+}
+
+/// Makes phantoms and, if it is wanted, the reference; returns whether that worked.
+fn make(folder: &Path, first: u32, seeds: u32, is_scored: bool) -> bool {
     let tools = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/tools/phantoms");
     if !tools.is_dir() {
         println!("skipped: {} is missing", tools.display());
@@ -145,12 +196,15 @@ fn make(folder: &Path, first: u32, seeds: u32) -> bool {
         .arg(folder)
         .args(numbers)
         .status();
+    let is_made = made.is_ok_and(|status| status.success());
+    if is_made && !is_scored {
+        return true;
+    }
     let scored = Command::new(&python)
         .arg(tools.join("baseline_phantoms.py"))
         .arg(folder)
         .args(["nntv", "nnmap"])
         .output();
-    let is_made = made.is_ok_and(|status| status.success());
     match scored {
         Ok(output) if is_made && output.status.success() => {
             fs::write(folder.join("BASELINE.jsonl"), output.stdout).is_ok()

@@ -82,6 +82,7 @@ pub mod plan;
 pub mod preflight;
 pub mod preflight_text;
 mod progress;
+mod progress_bar;
 mod read;
 mod recorded;
 pub mod recording;
@@ -133,13 +134,14 @@ use clap::{Parser, Subcommand};
 
 use self::error::CliError;
 use self::standard_output::{StandardOutput, complain};
+use crate::exchange::software::SOFTWARE;
 
 /// Turns a few small rovers into one moving radio-tomography instrument.
 ///
 /// Rovers drive around an area, measure radio signal strength between them, avoid what their range sensors see, and a
 /// ground station turns the attenuations into a picture of what stands inside.
 #[derive(Parser, Debug)]
-#[command(name = "tomoswarm", version, after_help = after_help())]
+#[command(name = "tomoswarm", version = SOFTWARE, after_help = after_help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,

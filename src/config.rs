@@ -104,7 +104,7 @@ pub use waypoint_file::{
 pub use world_endpoint::{WorldEndpoint, world_token};
 pub use xbee_port::{XBEE_BAUDS, XBEE_POWERS_DBM, XbeePort};
 
-pub use to_toml::{key_tables, to_toml};
+pub use to_toml::{key_tables, keys_in_words, to_toml};
 
 /// Returns the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;

@@ -24,6 +24,7 @@ pub mod plausibility;
 pub mod presence;
 pub mod restarts;
 pub mod sequences;
+pub mod software;
 pub mod table;
 pub mod token_bucket;
 

@@ -27,6 +27,7 @@ mod newcomers;
 pub mod node_threads;
 pub mod operator_session;
 pub mod process;
+mod program_file;
 mod reach;
 pub mod roster_watch;
 mod self_report;

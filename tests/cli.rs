@@ -18,6 +18,8 @@ mod cli {
     mod good_runs;
     #[cfg(unix)]
     mod names;
+    #[cfg(unix)]
+    mod package;
     mod program_runner;
     #[cfg(feature = "net")]
     mod replays;

@@ -9,7 +9,10 @@ const DRAWN = { waypoints_m: "Add places: point at the scene", centre_m: "Draw i
 
 export class BeginPanel {
   constructor(model, fleet, scene, token) {
-    Object.assign(this, { model, fleet, scene, token });
+    this.model = model;
+    this.fleet = fleet;
+    this.scene = scene;
+    this.token = token;
     this.places = [];
     this.fileText = null;
     /** The run that is compared with; "" = none. It stays chosen while the list of runs comes anew. */

@@ -10,7 +10,10 @@ const NONE = "No vehicle says anything of it.";
 
 export class CellView {
   constructor(model, plane, view, token) {
-    Object.assign(this, { model, plane, view, token });
+    this.model = model;
+    this.plane = plane;
+    this.view = view;
+    this.token = token;
     this.box = document.getElementById("cell");
     /** The place that is asked about; by the key it is the middle, wherever that is. */
     this.at = null;

@@ -4,6 +4,8 @@ export const SIDE = 32;
 export const OCCUPIED_FROM = 9;
 export const FREE_TO = -8;
 const SURE = 17;
+/** What truly stands there, in a simulation. */
+export const TRUTH = "#a03cc8";
 /** An excess loss of this much is as dark as it gets, dB. */
 const EXCESS_MOST_DB = 20;
 
@@ -25,7 +27,9 @@ export function excessColour(excess_db) {
   return from.map((channel, i) => Math.round(channel + (to[i] - channel) * part));
 }
 
-export function css([red, green, blue], share) {
+/** A colour as style sheets have it. @param {number[]} colour */
+export function css(colour, share) {
+  const [red, green, blue] = colour;
   return `rgba(${red}, ${green}, ${blue}, ${share})`;
 }
 

@@ -105,15 +105,19 @@ function shape(pen, number, x, y) {
   pen.fill();
 }
 
-/** Draws the finds of the newest image over a picture of its area, those of the images before faintly. */
-export function drawFindsOver(canvas, picture, image, images) {
-  [canvas.width, canvas.height] = [picture.width, picture.height];
-  const pen = canvas.getContext("2d");
+/** Tells where a place, metres, lies on a canvas that shows the area of an image, north up, pixels. */
+export function placesOn(canvas, image) {
   const share = (mm, least, greatest) => (mm - least) / (greatest - least);
-  const pixel = ([x, y]) => [
+  return ([x, y]) => [
     share(x * 1000, image.least_x_mm, image.greatest_x_mm) * canvas.width,
     canvas.height - share(y * 1000, image.least_y_mm, image.greatest_y_mm) * canvas.height,
   ];
+}
+
+/** Draws the finds of the newest image over a picture of its area, those of the images before faintly. */
+export function drawFindsOver(canvas, image, images) {
+  const pen = canvas.getContext("2d");
+  const pixel = placesOn(canvas, image);
   images.forEach(({ finds }, index) => {
     const isNewest = index === images.length - 1;
     for (const find of finds) drawFind(pen, find, pixel, isNewest);

@@ -139,7 +139,7 @@ export class Fleet {
     row.append(head);
     for (let i = 1; i < SORTED_BY.length; i++) row.append(document.createElement("td"));
     const troubles = troublesRow(id);
-    row.setAttribute("aria-describedby", troubles.firstChild.id);
+    row.setAttribute("aria-describedby", troubles.firstElementChild.id);
     for (const of of [row, troubles]) of.addEventListener("click", () => this.toggle(id));
     row.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && !event.repeat) this.toggle(id);
@@ -243,7 +243,7 @@ function autopilotText(health, state) {
 
 /** Which of two comes first: numbers and words in their order, nothing last whichever way round. */
 function compared(a, b, isDown) {
-  if (a === null || b === null) return (a === null) - (b === null);
+  if (a === null || b === null) return Number(a === null) - Number(b === null);
   const sign = typeof a === "string" ? a.localeCompare(b) : a - b;
   return isDown ? -sign : sign;
 }

@@ -10,7 +10,9 @@ const GAP_S = 30;
 export class Ghost {
   /** `wanted` is told when it has come. */
   constructor(model, token, wanted) {
-    Object.assign(this, { model, token, wanted });
+    this.model = model;
+    this.token = token;
+    this.wanted = wanted;
     this.ways = null;
   }
 

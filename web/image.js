@@ -1,19 +1,25 @@
 // The image of the radio links: mean, deviation, significance. The scale is fixed until somebody chooses another one, since noise
-// on a scale of its own looks like something found; the mean of what is uncertain is paler.
+// on a scale of its own looks like something found; the mean of what is uncertain is paler, and hatched where the links have told
+// nothing. What truly stands in a simulation can be drawn over it.
 
-import { drawFindsOver, drawHistory, findText, numbered } from "./finds.js";
+import { TRUTH } from "./draw.js";
+import { drawFindsOver, drawHistory, findText, numbered, placesOn } from "./finds.js";
 
 const SIGNIFICANCE_MOST = 6;
 const BELOW_ZERO = [0, 160, 150];
 /** What a pixel keeps of its colour when nothing is known of it. */
 const PALEST = 0.25;
+/** A deviation of so much of the prior's is as large: what comes over the feed is rounded. */
+const AS_BEFORE = 0.98;
+/** Lines of a hatch are so far apart at least, pixels. */
+const HATCH_APART = 6;
 
 export class ImagePanel {
   constructor(model) {
     this.model = model;
     this.wanted = () => {};
     this.isChosen = false;
-    for (const id of ["image-subject", "image-plane", "image-scale", "finds-measure"]) document.getElementById(id).addEventListener("change", () => this.wanted());
+    for (const id of ["image-subject", "image-plane", "image-scale", "finds-measure", "layer-truth"]) document.getElementById(id).addEventListener("change", () => this.wanted());
     document.getElementById("image-subject").addEventListener("change", () => { this.isChosen = true; });
   }
 
@@ -41,8 +47,15 @@ export class ImagePanel {
     const pen = canvas.getContext("2d");
     pen.imageSmoothingEnabled = false;
     pen.drawImage(picture, 0, 0, canvas.width, canvas.height);
-    drawFindsOver(document.getElementById("heat-finds"), canvas, image, found);
-    text.textContent = `${caption(image, plane, scaleOf())} Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links, ${image.linksDropped} left out.`;
+    const over = document.getElementById("heat-finds");
+    [over.width, over.height] = [canvas.width, canvas.height];
+    const prior_dbpm = plane === "mean" ? this.model.finds.get(subject)?.priorSd_dbpm ?? Infinity : Infinity;
+    const isHatched = drawHatch(over, image, prior_dbpm);
+    const { truth } = this.model.place;
+    if (truth && document.getElementById("layer-truth").checked) drawTruthOver(over, image, truth);
+    drawFindsOver(over, image, found);
+    const hatched = isHatched ? ` Hatched: the deviation is that of the prior, ${prior_dbpm.toFixed(2)} dB/m, or more.` : "";
+    text.textContent = `${caption(image, plane, scaleOf())}${hatched} Run ${image.run}, lap ${image.laps}, ${image.linksUsed} links, ${image.linksDropped} left out.`;
   }
 
   showFinds(subject) {
@@ -119,6 +132,56 @@ export function imageCanvas(model, image, plane, isOverMap) {
   pen.putImageData(pixels, 0, 0);
   image.pictures.set(`${plane} ${isOverMap}`, { of, canvas });
   return canvas;
+}
+
+/** Hatches the pixels of which the links have told nothing: they are as uncertain as before all measuring. Returns whether there are any. */
+function drawHatch(over, image, prior_dbpm) {
+  const pen = over.getContext("2d");
+  const { width, height } = over;
+  const side = width / image.columns;
+  let isAny = false;
+  pen.save();
+  pen.beginPath();
+  image.deviation.forEach((deviation, index) => {
+    // What is not known is no number.
+    if (!(deviation >= AS_BEFORE * prior_dbpm)) return;
+    isAny = true;
+    pen.rect((index % image.columns) * side, (image.rows - 1 - Math.floor(index / image.columns)) * side, side, side);
+  });
+  pen.clip();
+  const apart = Math.max(side, HATCH_APART);
+  for (const { colour, thick } of isAny ? [{ colour: "#000000", thick: 2 }, { colour: "#ffffff", thick: 0.75 }] : []) {
+    [pen.strokeStyle, pen.lineWidth] = [colour, thick];
+    pen.beginPath();
+    for (let at = -height; at < width; at += apart) {
+      pen.moveTo(at, height);
+      pen.lineTo(at + height, 0);
+    }
+    pen.stroke();
+  }
+  pen.restore();
+  return isAny;
+}
+
+/** Draws what truly stands in the scene of a simulation over the picture: outlines, and persons with their names. */
+function drawTruthOver(over, image, { outlines, persons }) {
+  const pen = over.getContext("2d");
+  const pixel = placesOn(over, image);
+  [pen.strokeStyle, pen.fillStyle, pen.lineWidth, pen.font] = [TRUTH, TRUTH, 2, "bold 12px system-ui, sans-serif"];
+  const path = (places) => {
+    pen.beginPath();
+    for (const place of places) pen.lineTo(...pixel(place));
+    pen.closePath();
+    pen.stroke();
+  };
+  outlines.forEach(path);
+  pen.setLineDash([4, 3]);
+  for (const { name, at: [x, y], radius_m } of persons) {
+    path(Array.from({ length: 24 }, (_, i) => [x + radius_m * Math.cos((i * Math.PI) / 12), y + radius_m * Math.sin((i * Math.PI) / 12)]));
+    const [right, middle] = pixel([x + radius_m, y]);
+    pen.fillText(name, right + 3, middle + 4);
+  }
+  pen.setLineDash([]);
 }
 
 function valueOf(image, plane, index) {

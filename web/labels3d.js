@@ -25,7 +25,9 @@ export class Labels {
   /** A frame begins: words of other colours are made anew. */
   begin(ink, paper, height) {
     if (this.ink !== ink || this.paper !== paper) this.forget();
-    Object.assign(this, { ink, paper, height });
+    this.ink = ink;
+    this.paper = paper;
+    this.height = height;
     this.count = new Map();
     for (const label of this.made.values()) label.isPut = false;
   }

@@ -37,7 +37,11 @@ const Z = { map: 0, image: 0.05, area: 0.02, track: 0.07, plan: 0.09, link: 0.3,
 
 export class Layers {
   constructor(model, plane, scene, token, wanted) {
-    Object.assign(this, { model, plane, scene, token, wanted });
+    this.model = model;
+    this.plane = plane;
+    this.scene = scene;
+    this.token = token;
+    this.wanted = wanted;
     this.groups = new Map();
     this.keys = new Map();
     this.labels = new Labels(scene);
@@ -287,8 +291,8 @@ export class Layers {
   /** The links that made a pixel, by what each adds to it. */
   showWhy() {
     const lines = this.plane.why?.lines ?? [];
-    this.layer("why", lines.length > 0, this.plane.why, () => lines.map(({ from, to, colour }) => (
-      ribbon([[...from, Z.link], [...to, Z.link]], css(colour, 1), 0.035)
+    this.layer("why", lines.length > 0, this.plane.why, () => lines.map(({ from, to, colour, share }) => (
+      ribbon([[...from, Z.link], [...to, Z.link]], css(colour, 1), whyWidth_m(share))
     )));
   }
 
@@ -332,6 +336,11 @@ export class Layers {
   }
 }
 
+/** How thick a link is drawn that adds a share of what the strongest adds: from 2 cm to 10 cm. */
+export function whyWidth_m(share) {
+  return 0.02 + 0.08 * share;
+}
+
 /** Whether a tile lies within the margin about all that the place names; the side of a tile is in metres. */
 function nearTo({ fence, area, homes }, side) {
   const [xs, ys] = [0, 1].map((axis) => [...fence, ...area, ...homes].map((at) => at[axis]));
@@ -351,8 +360,9 @@ function dispose(object) {
   });
 }
 
-/** A canvas that lies flat, north up, within a border of x0, y0, x1, y1. */
-function sheet(canvas, [x0, y0, x1, y1], z, opacity) {
+/** A canvas that lies flat, north up, within a border of x0, y0, x1, y1. @param {number[]} border */
+function sheet(canvas, border, z, opacity) {
+  const [x0, y0, x1, y1] = border;
   const map = new CanvasTexture(canvas);
   map.magFilter = map.minFilter = NearestFilter;
   map.generateMipmaps = false;

@@ -15,9 +15,12 @@ const STATES = {
 
 export class MarkPanel {
   constructor(model, scene) {
-    Object.assign(this, { model, scene });
+    this.model = model;
+    this.scene = scene;
     this.wanted = () => {};
-    [this.x, this.y, this.run] = ["mark-x", "mark-y", "mark-run"].map((id) => document.getElementById(id));
+    this.x = document.getElementById("mark-x");
+    this.y = document.getElementById("mark-y");
+    this.run = document.getElementById("mark-run");
     this.point = document.getElementById("mark-point");
     const form = document.getElementById("mark-form");
     form.addEventListener("input", () => this.show());
@@ -122,7 +125,8 @@ export function marksOf(model, candidate) {
 }
 
 /** What says the same in a terminal; after -- nothing is an option, so that a coordinate may be below zero. */
-export function markCommand([x, y], run, takeBack) {
+export function markCommand(place, run, takeBack) {
+  const [x, y] = place;
   const options = [run === null ? "" : ` --run ${run}`, takeBack ? " --take-back" : ""].join("");
   return `tomoswarm order CONFIG mark${options} ${x < 0 ? "-- " : ""}${x},${y}`;
 }

@@ -31,16 +31,18 @@ export class Orders {
   /** A button that acts when it was held long enough, by pointer or by Enter. */
   heldButton(id, act, held_ms = HELD_MS) {
     const button = document.getElementById(id);
-    let [timer, words] = [null, ""];
+    let [timer, words, lease] = [null, "", 0];
     const begin = () => {
       if (timer !== null || button.disabled) return;
-      words = button.textContent;
+      [words, lease] = [button.textContent, this.model.orders.lease];
       button.classList.add("filling");
       timer = setTimeout(() => {
         end();
         // Whoever holds a button has read what stood on it; and a button that is disabled meanwhile may hear of no release.
-        if (!button.disabled && button.textContent === words) act();
-        else say("What the button does has changed while it was held: nothing is given.", "refused");
+        if (button.disabled || button.textContent !== words) say("What the button does has changed while it was held: nothing is given.", "refused");
+        // Another number there, and somebody else has taken over: what is ordered now would be above an order that was not seen.
+        else if (id !== "take-seat" && this.model.orders.lease !== lease) say(`Lease ${this.model.orders.lease} has come in place of ${lease} while the button was held: nothing is given.`, "refused");
+        else act();
       }, held_ms);
     };
     const end = () => {

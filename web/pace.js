@@ -7,7 +7,10 @@ export const ANSWERED_WITHIN_MS = 10_000;
 export class Pace {
   /** `again` is told when what was put off is due. */
   constructor(every_ms, again) {
-    Object.assign(this, { every_ms, again, drawn_ms: -Infinity, timer: 0 });
+    this.every_ms = every_ms;
+    this.again = again;
+    this.drawn_ms = -Infinity;
+    this.timer = 0;
   }
 
   /** Whether it may be drawn now; if not, `again` is told as soon as it may. */

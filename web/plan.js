@@ -10,6 +10,7 @@ export class PlanPanel {
   constructor(model) {
     this.model = model;
     this.canvas = document.getElementById("gantt");
+    this.wanted = () => {};
   }
 
   draw() {
@@ -149,8 +150,9 @@ export function waitsOf(rows) {
   return rows.flatMap((row) => row.waitsFor.map(([of, stop]) => ({ vehicle: row.vehicle, of, stop })));
 }
 
-/** A line with a head at its end. */
-export function arrow(pen, [x0, y0], [x1, y1], head) {
+/** A line with a head at its end. @param {number[]} from @param {number[]} to */
+export function arrow(pen, from, to, head) {
+  const [[x0, y0], [x1, y1]] = [from, to];
   const angle = Math.atan2(y1 - y0, x1 - x0);
   pen.beginPath();
   pen.moveTo(x0, y0);

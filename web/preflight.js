@@ -12,6 +12,7 @@ export class PreflightPanel {
     this.asked_ms = -Infinity;
     /** Of what was asked last: another moment is another board. */
     this.asked = null;
+    this.wanted = () => {};
   }
 
   draw() {

@@ -23,11 +23,12 @@ export class RadioPanel {
 
   draw(now_ms) {
     const { pairs } = this.model;
-    const ids = [...new Set([...pairs.values()].flatMap((pair) => [pair.receiver, pair.transmitter]))].sort((a, b) => a - b);
+    const said = [...this.model.vehicles.values()].flatMap(({ id, health }) => (health?.hears.length ? [id, ...health.hears] : []));
+    const ids = [...new Set([...pairs.values()].flatMap((pair) => [pair.receiver, pair.transmitter]).concat(said))].sort((a, b) => a - b);
     const plane = PLANES[document.getElementById("radio-plane").value];
     document.getElementById("radio-unit").textContent = ids.length === 0
       ? "No samples yet: vehicles send them to the ground station while they measure."
-      : `${plane.unit}. Rows hear columns; grey: no sample for 5 s.`;
+      : `${plane.unit}. Rows hear columns; grey: no sample for 5 s; heard: by the vehicle's own word, no sample has come.`;
     this.layOut(ids);
     for (const receiver of ids) {
       for (const transmitter of ids) if (receiver !== transmitter) this.show(receiver, transmitter, plane, now_ms);
@@ -69,13 +70,16 @@ export class RadioPanel {
     const button = this.cells.get(`${receiver}-${transmitter}`);
     const pair = this.model.pairs.get(`${receiver}-${transmitter}`);
     const value = pair ? plane.of(pair, this.model.pairs.get(`${transmitter}-${receiver}`), now_ms) : null;
-    const text = value === null ? "–" : String(value);
+    const { health } = this.model.vehicles.get(receiver) ?? {};
+    const isSaid = health?.hears.includes(transmitter) === true && !this.model.isSilent(receiver, now_ms);
+    const text = value !== null ? String(value) : isSaid ? "heard" : "–";
     if (button.textContent !== text) button.textContent = text;
-    const isOld = !pair || now_ms - pair.at_ms > OLD_AFTER_MS;
+    const isOld = pair ? now_ms - pair.at_ms > OLD_AFTER_MS : !isSaid;
     button.classList.toggle("old", isOld);
     const bad = value === null ? 0 : Math.round(Math.min(1, Math.max(0, plane.bad(value))) * 4);
     button.dataset.bad = String(bad);
-    const said = value === null ? "nothing known" : `${value} ${plane.unit}`;
+    const known = value === null ? "nothing known" : `${value} ${plane.unit}`;
+    const said = isSaid ? `${value === null ? "yes" : known}, by its own word` : known;
     button.setAttribute("aria-label", `${receiver} hears ${transmitter}: ${said}${isOld ? ", old" : ""}`);
     button.setAttribute("aria-pressed", String(this.chosen?.[0] === receiver && this.chosen?.[1] === transmitter));
   }

@@ -1,14 +1,13 @@
 // The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds, marks. x to
 // the right, y up, metres.
 
-import { css, ellipsePlaces, excessColour, liveLinks, SIDE } from "./draw.js";
+import { css, ellipsePlaces, excessColour, liveLinks, SIDE, TRUTH } from "./draw.js";
 import { imageCanvas } from "./image.js";
 import { MARK, MARK_RADIUS_M, marksOf } from "./marks.js";
 import { arrow, waitsOf } from "./plan.js";
 import { MapTiles } from "./tiles.js";
 
 const PADDING = 1.08;
-const TRUTH = "#a03cc8";
 /** A vehicle this high is written with its height, metres. */
 const ALOFT_M = 0.5;
 /** A pointer that moves less has pointed at something. */
@@ -28,9 +27,9 @@ export class Scene {
     /** Told that places go to somebody else. */
     this.dropped = () => {};
     /** Told them otherwise. */
-    this.pointedAt = () => {};
+    this.pointedAt = (_x, _y) => {};
     /** Told where a pointer is, whatever it does there; null = it has left. */
-    this.hovered = () => {};
+    this.hovered = (_at) => {};
     /** Told that what is seen has moved. */
     this.moved = () => {};
     this.sketch = [];
@@ -450,7 +449,7 @@ export class Scene {
   drawMark(pen, at, word, isWhole) {
     const [x, y] = this.toPixel(at[0], at[1]);
     const radius = Math.max(9, MARK_RADIUS_M * this.view.scale);
-    for (const [colour, width] of [[this.paper, 5], [MARK, 2.5]]) {
+    for (const { colour, width } of [{ colour: this.paper, width: 5 }, { colour: MARK, width: 2.5 }]) {
       pen.setLineDash(isWhole ? [] : [4, 4]);
       pen.strokeStyle = pen.fillStyle = colour;
       pen.lineWidth = width;

@@ -40,7 +40,7 @@ export class Space {
     this.frames = 0;
     this.pressed = new Set();
     this.wanted = () => {};
-    this.hovered = () => {};
+    this.hovered = (_at) => {};
     this.moved = () => {};
     this.isFitted = false;
     this.listen();

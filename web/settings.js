@@ -10,7 +10,11 @@ const SAVED_WITHIN_MS = 60_000;
 
 export class SettingsPanel {
   constructor(model, scene, token) {
-    Object.assign(this, { model, scene, token });
+    this.model = model;
+    this.scene = scene;
+    this.token = token;
+    /** What keys may be, once that was asked; a promise of text. */
+    this.declared = null;
     this.wanted = () => {};
     this.rows = null;
     this.text = null;
@@ -75,7 +79,18 @@ export class SettingsPanel {
     if (this.isUnsaid && answer) this.say("");
     this.isUnsaid = !answer;
     this.text = text;
-    this.rows = rowsOf(text);
+    const rows = this.rows = rowsOf(text);
+    this.list();
+    // What keys may be is the same for all, and asked for once.
+    this.declared ??= this.ask("settings?keys", {}, "No defaults", ANSWERED_WITHIN_MS).then((said) => said?.text() ?? "");
+    const declared = declaredKeys(await this.declared);
+    if (declared.size === 0) this.declared = null;
+    // Another node's are shown meanwhile.
+    if (rows !== this.rows) return;
+    const kind = text.match(/^kind = "([a-z]+)"/m)?.[1];
+    // The keys of missions stand in a table of their own.
+    const ofMission = (row) => (row.table === "mission" ? declared.get(`mission .${row.key}`) : undefined);
+    for (const row of rows) row.declared = declared.get(`${kind} ${row.table}.${row.key}`) ?? ofMission(row);
     this.list();
   }
 
@@ -190,7 +205,7 @@ export function rowsOf(text) {
     const found = line.match(/^([A-Za-z0-9_]+) = (.*)$/);
     if (head || !found) continue;
     const [value, means] = split(found[2]);
-    rows.push({ table, key: found[1], value, means, text: `${table} ${found[1]} ${value} ${means}`.toLowerCase() });
+    rows.push({ table, key: found[1], value, means, text: `${table} ${found[1]} ${value} ${means}`.toLowerCase(), declared: null });
   }
   return rows;
 }
@@ -205,11 +220,32 @@ function split(rest) {
   return [rest.trim(), ""];
 }
 
-function rowElement({ table, key, value, means }) {
+/** The default of each key and what is allowed, of the tables that `tomoswarm check --keys` prints, by "KIND TABLE.KEY". */
+export function declaredKeys(text) {
+  const declared = new Map();
+  let [kind, table] = ["", ""];
+  for (const line of text.split("\n")) {
+    const begins = line.match(/^<!-- keys of ([a-z]+) -->/);
+    if (begins) [kind, table] = [begins[1], ""];
+    const head = line.match(/^`\[+([^\]]+)\]+`/);
+    if (head) table = head[1];
+    const row = line.match(/^\| `([A-Za-z0-9_]+)` \| (.*?) \| (.*?) \| /);
+    if (!row) continue;
+    const name = `${kind} ${table}.${row[1]}`;
+    const known = declared.get(name);
+    const either = (of, value) => (known && !known[of].split(" or ").includes(value) ? `${known[of]} or ${value}` : known?.[of] ?? value);
+    declared.set(name, { default: either("default", row[2]), allowed: either("allowed", row[3]) });
+  }
+  return declared;
+}
+
+function rowElement({ table, key, value, means, declared }) {
   const made = document.createElement("li");
   const name = document.createElement("code");
   name.textContent = `${table ? `${table}.` : ""}${key} = ${value}`;
-  made.append(name, ` ${means}`);
+  const parts = declared ? [`default: ${declared.default}`, declared.allowed && `allowed: ${declared.allowed}`] : [];
+  const known = parts.filter(Boolean).join("; ");
+  made.append(name, ` ${means}${known && ` (${known})`}`);
   return made;
 }
 

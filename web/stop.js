@@ -162,13 +162,13 @@ addEventListener("keydown", (event) => {
   const isSpace = event.code === "Space";
   if (isTyping(event.target, isSpace)) {
     if (isSpace && !event.repeat && result.textContent === "") say("Space writes here. To stop: the button, or Escape and then Space.");
-    if (event.key === "Escape") event.target.blur();
+    if (event.key === "Escape" && event.target instanceof HTMLElement) event.target.blur();
     return;
   }
   if (isSpace) {
     event.preventDefault();
     if (!event.repeat) stop();
-  } else if (event.key === "Enter" && event.target.matches?.("input[type=checkbox]")) {
+  } else if (event.key === "Enter" && event.target instanceof HTMLInputElement && event.target.type === "checkbox") {
     // Space, which ticks a box elsewhere, is Stop.
     event.preventDefault();
     if (!event.repeat) event.target.click();
@@ -188,3 +188,5 @@ if (!mayOrder) {
   say("This link may look only.");
 }
 document.documentElement.dataset.mayStop = mayOrder ? "yes" : "no";
+// Stop and Hold work from now on, in the browser's own timing.
+performance.mark("controls");

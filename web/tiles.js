@@ -7,7 +7,8 @@ import { say } from "./stop.js";
 export class MapTiles {
   /** `wanted` is told when another slice is chosen. */
   constructor(model, wanted) {
-    Object.assign(this, { model, wanted });
+    this.model = model;
+    this.wanted = wanted;
     /** The slice that is shown; null = all. */
     this.slice = null;
     /** Counts how often what is shown has changed. */

@@ -26,6 +26,14 @@ export class TimeBar {
     document.getElementById("time-present").addEventListener("click", () => this.goToPresent());
     document.getElementById("time-before").addEventListener("click", () => this.goToMark(-1));
     document.getElementById("time-after").addEventListener("click", () => this.goToMark(1));
+    // On a phone speed and marks are folded in.
+    const more = document.getElementById("time-more");
+    more.addEventListener("click", () => {
+      const isOpen = more.getAttribute("aria-expanded") !== "true";
+      more.setAttribute("aria-expanded", String(isOpen));
+      document.getElementById("time").classList.toggle("open", isOpen);
+      this.drawMarks();
+    });
     addEventListener("keydown", (event) => this.key(event));
     addEventListener("resize", () => this.drawMarks());
     addEventListener("theme", () => this.drawMarks());

@@ -8,7 +8,10 @@ const NAMES = { plane: "2D", space: "3D", ride: "ride" };
 export class SceneView {
   /** `chosen` is told when another view is seen. */
   constructor(model, fleet, plane, token) {
-    Object.assign(this, { model, fleet, plane, token });
+    this.model = model;
+    this.fleet = fleet;
+    this.plane = plane;
+    this.token = token;
     this.current = "plane";
     this.space = null;
     /** Under way, or done: 3D is made once, however often it is asked for meanwhile. */
@@ -16,7 +19,7 @@ export class SceneView {
     this.riding = null;
     this.wanted = () => {};
     /** Told which place of the ground a pointer is over in three dimensions; null = it has left. */
-    this.hovered = () => {};
+    this.hovered = (_at) => {};
     this.buttons = Object.keys(NAMES).map((name) => [name, document.getElementById(`view-${name}`)]);
     for (const [name, button] of this.buttons) button.addEventListener("click", () => this.choose(name));
     addEventListener("selected", () => this.follow());

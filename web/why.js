@@ -13,7 +13,9 @@ const LEAST = 0.05;
 
 export class WhyPanel {
   constructor(model, scene, token) {
-    Object.assign(this, { model, scene, token });
+    this.model = model;
+    this.scene = scene;
+    this.token = token;
     this.fields = ["why-x", "why-y"].map((id) => document.getElementById(id));
     this.result = document.getElementById("why-result");
     document.getElementById("why-form").addEventListener("submit", (event) => {
@@ -108,9 +110,14 @@ function inWords(link) {
   const tenths = (metres) => (Math.round(metres * 10) / 10 + 0).toFixed(1);
   const place = ([x, y]) => `(${tenths(x)}, ${tenths(y)})`;
   return item(
-    `${place(link.from)} to ${place(link.to)} ${added(link.share_dbpm)}: lost ${link.loss_db.toFixed(1)} ± ` +
-    `${link.sd_db.toFixed(1)} dB, ${link.residual_db.toFixed(1)} dB of it unexplained`,
+    `${place(link.from)} to ${place(link.to)}${by(link.vehicles)} ${added(link.share_dbpm)}: ${link.length_m.toFixed(1)} m long, lost ` +
+    `${link.loss_db.toFixed(1)} ± ${link.sd_db.toFixed(1)} dB, ${link.residual_db.toFixed(1)} dB of it unexplained`,
   );
+}
+
+/** Who has measured a link, as far as that is known. */
+function by(vehicles) {
+  return vehicles.length ? `, between ${vehicles.join(", ")},` : "";
 }
 
 /** What all links add that are not told one by one, if there are any. */

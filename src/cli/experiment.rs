@@ -12,16 +12,17 @@ mod table;
 mod work;
 
 use std::fs;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use self::grid::ExperimentGrid;
 use self::journal::{Header, Journal, JournalMode, RUNS, TABLE};
 use self::row::{RowEnd, RunRow, csv};
 use super::error::CliError;
 use super::folder::OutputFolder;
+use super::progress_bar::progress_bar;
 use super::report::FAMILY;
 use super::sim;
 use super::stop::StopFlag;
@@ -109,7 +110,7 @@ impl ExperimentArgs {
         let header = Header::new(grid.hash(), experiment.runs());
         let (mut journal, mut rows) = Journal::open(&folder, &header, self.mode())?;
         let stop = StopFlag::listen();
-        let bar = progress_bar(experiment.runs(), rows.len());
+        let bar = runs_bar(experiment.runs(), rows.len());
         let threads = self.threads.map_or_else(cores, usize::from);
         work::run_rest(&grid, threads, &stop, &mut rows, &mut |row, rows| {
             bar.set_position(rows.len() as u64);
@@ -191,14 +192,10 @@ fn message(rows: &[RunRow]) -> String {
     format!("{failed} did not finish, {collided} collided")
 }
 
-fn progress_bar(runs: usize, done: usize) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let template = "{spinner} {bar:30} {pos}/{len} runs, {elapsed} gone, {eta} left  {msg}";
-    let style =
-        ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    let bar = ProgressBar::new(runs as u64).with_style(style);
+fn runs_bar(runs: usize, done: usize) -> ProgressBar {
+    let bar =
+        progress_bar("{spinner} {bar:30} {pos}/{len} runs, {elapsed} gone, {eta} left  {msg}");
+    bar.set_length(runs as u64);
     bar.set_position(done as u64);
     // Runs of an earlier day say nothing about how long this one takes.
     bar.reset_eta();

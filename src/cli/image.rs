@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::config::SourceFile;
 use crate::geom::{Point, Rect};
-use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
+use crate::tomo::{Extras, Imager, ImagingSettings, ImagingStep, Link, Solver, TomoError};
 use clap::Args;
 
 use super::earth_files::{self, EarthFiles};
@@ -20,6 +20,7 @@ use super::image_values::{parse_area, parse_cell, parse_pixels, parse_place, par
 use super::network_recording::{NetworkRecording, Tracks};
 use super::outputs::{Made, Outputs, PendingFile, is_device, is_same_file};
 use super::progress;
+use super::progress_bar::progress_bar;
 use super::read;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
@@ -258,12 +259,18 @@ impl ImageCommand {
             shares_of: self.pixel_asked_for(&settings)?,
             links: true,
         };
-        let result = Imager::new(settings)
-            .and_then(|mut imager| imager.update(&now, empty, extras))
-            .map_err(|problem| ImageError::NoImage {
-                path: self.files[0].clone(),
-                problem,
-            })?;
+        let bar = progress_bar("{spinner} {msg}");
+        let watch = |step: ImagingStep| {
+            bar.set_message(step.to_string());
+            bar.tick();
+        };
+        let made = Imager::new(settings)
+            .and_then(|mut imager| imager.update_watched(&now, empty, extras, &watch));
+        bar.finish_and_clear();
+        let result = made.map_err(|problem| ImageError::NoImage {
+            path: self.files[0].clone(),
+            problem,
+        })?;
         if network.is_none() {
             self.check_partners(result.used, &result.dropped)?;
         }

@@ -3,12 +3,12 @@
 //! terminal, and the end.
 
 use std::fs;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use tomoswarm_proto::{RunId, VehicleId};
 
 use super::error::CliError;
@@ -18,6 +18,7 @@ use super::operator::OperatorContext;
 #[cfg(feature = "dash")]
 use super::page_process::PageProcess;
 use super::pictures;
+use super::progress_bar::progress_bar;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::standard_output::complain;
@@ -172,7 +173,7 @@ impl Swarm {
 
     /// Plays the script to its end; returns why it failed, if it did.
     fn play(&mut self, stop: &StopFlag, started: Instant) -> Option<String> {
-        let bar = progress_bar();
+        let bar = progress_bar("{spinner} {msg}");
         let mut shown = Duration::ZERO;
         let failure = loop {
             match self.scenario_runner.go() {
@@ -277,13 +278,4 @@ fn own_program(part: &str) -> Result<Command, CliError> {
 fn write(folder: &Path, name: &str, text: &str) -> Result<(), CliError> {
     let path = folder.join(name);
     fs::write(&path, text).map_err(|source| CliError::Write { path, source })
-}
-
-fn progress_bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{spinner} {msg}")
-        .unwrap_or_else(|_| ProgressStyle::default_spinner());
-    ProgressBar::no_length().with_style(style)
 }

@@ -13,6 +13,7 @@ use super::preflight_text::{json, text};
 use super::screen;
 use super::status::listen;
 use super::stop::StopFlag;
+use crate::exchange::software::SOFTWARE;
 use crate::operator::fleet_view::FleetView;
 use crate::operator::preflight::{Requirements, inspect, is_go};
 use crate::operator::status::Expected;
@@ -22,8 +23,8 @@ use crate::time::Time;
 ///
 /// Every vehicle: on the bus and fresh, same software and venue file as here, certain of its place, inside the fence, at its
 /// home, hears every other one by radio and has sent beacons (a real radio says how many, and how many not), charged, room
-/// on its disk, nothing lost, no troubles, not held. The ground station: one, with the lease, idle, no hold stands, its
-/// store works.
+/// on its disk, nothing lost, no troubles, not held. The ground station: one, with the lease, idle, no hold stands, room
+/// on its disk, its store works.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct PreflightArgs {
@@ -126,7 +127,7 @@ impl PreflightArgs {
             fence: context.venue.fence.clone(),
             homes: context.venue.homes.clone(),
             pose_sd_max_m: self.pose_sd_max.or(Some(context.venue.swarm.pose_sd_max_m)),
-            software: crate::run::membership::SOFTWARE.to_owned(),
+            software: SOFTWARE.to_owned(),
         }
     }
 }

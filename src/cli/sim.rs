@@ -2,11 +2,11 @@
 
 #[cfg(feature = "net")]
 use std::cell::RefCell;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::error::CliError;
 #[cfg(feature = "net")]
@@ -14,6 +14,7 @@ use super::flight::{Flights, SEGMENT};
 use super::folder::OutputFolder;
 use super::load::{self, LoadedSimulation};
 use super::pictures::write_pictures;
+use super::progress_bar::progress_bar;
 use super::report::{FAMILY, RunFigures, failure, write_data};
 use super::scenario_warnings;
 use super::standard_output::complain;
@@ -386,7 +387,7 @@ pub(super) fn watched(
     let bar = if watching.is_some() {
         ProgressBar::hidden()
     } else {
-        progress_bar()
+        progress_bar("{spinner} {bar:30} lap {pos}/{len}  {msg}")
     };
     let mut is_stopped = false;
     let mut watch = |shown: &RunView<'_>| {
@@ -413,15 +414,6 @@ pub(super) fn watched(
         outcome.failure = Some(STOPPED.to_owned());
     }
     Ok(outcome)
-}
-
-fn progress_bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{spinner} {bar:30} lap {pos}/{len}  {msg}")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::no_length().with_style(style)
 }
 
 /// How a run gets on, for who watches it: the lap as well, where there are laps.

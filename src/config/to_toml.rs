@@ -29,6 +29,16 @@ fn sim_table(sim: &mut Sim) -> SimTable<'_> {
     }
 }
 
+/// Returns the tables of all keys as one text (Markdown), each between the lines that mark it in `configs/README.md`.
+pub fn keys_in_words() -> String {
+    let tables = key_tables().into_iter();
+    tables
+        .map(|(kind, tables)| {
+            format!("<!-- keys of {kind} -->\n\n{tables}<!-- end of keys -->\n\n")
+        })
+        .collect()
+}
+
 /// Returns the tables of all keys, as Markdown, by the kind of file.
 pub fn key_tables() -> Vec<(&'static str, String)> {
     vec![

@@ -12,6 +12,7 @@ use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
 
 use super::sample_book::SampleBook;
 use crate::exchange::sequences::ReceivedSequences;
+use crate::geom::Point;
 use crate::tomo::{Link, LinkBins};
 
 /// Sources at most: starts of vehicles in runs.
@@ -101,6 +102,13 @@ impl HeardLinks {
     pub fn of(&self, run: RunId) -> Vec<Link> {
         let bins = self.bins.get(&run);
         bins.map(|bins| bins.links()).unwrap_or_default()
+    }
+
+    /// Returns which vehicles have measured a link of a run, by its mean places, ascending; none when it is not known.
+    pub fn vehicles_between(&self, run: RunId, from: Point, to: Point) -> Vec<VehicleId> {
+        let bins = self.bins.get(&run);
+        bins.map(|bins| bins.vehicles_between(from, to))
+            .unwrap_or_default()
     }
 
     /// Returns the links of a run and those of the empty run that it is compared with; see [`LinkBins::links_against`].

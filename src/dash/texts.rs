@@ -20,13 +20,14 @@ use super::outbox::Shown;
 use super::records::{MODES, STANDS_UNDER, subject_number};
 use super::timetable::{SHOWN_SPEED_MPS, Timetable};
 use crate::config::{DeclaredKey, GivenMission, Venue};
-use crate::geom::{Point, Polygon};
+use crate::geom::{Point, Polygon, Rect};
 use crate::operator::given_marks::MarkOutcome;
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
 use crate::scene::{Outline, Person};
 use crate::sweep::ExpectedStop;
 use crate::time::Time;
+use crate::tomo::ImagingSettings;
 
 /// What a page shows: how the time that it shows came about.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -133,10 +134,19 @@ pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
         "sequence": image.sequence,
         "laps": image.laps,
         "at_s": tenths(newest.begun.as_secs_f64()),
+        "priorSd_dbpm": prior_sd_dbpm(image),
         "finds": all,
         "earlier": newest.earlier.iter().map(earlier).collect::<Vec<_>>(),
     });
     Some(text.to_string())
+}
+
+/// Returns how uncertain each pixel was before all measuring, dB/m: the deviation of the prior by which the solver `auto`, and
+/// all that have none of their own, tell that of their images. `map` believes no more of a change.
+fn prior_sd_dbpm(image: &Image) -> f64 {
+    let corner = |at: Position| Point::new(at.x_m(), at.y_m());
+    let area = Rect::new(corner(image.area.least), corner(image.area.greatest));
+    libm::sqrt(ImagingSettings::prior_for(area).variance)
 }
 
 /// Returns the ellipse of one standard deviation: half its axes, and how far the longer one is turned from the x axis.
@@ -522,7 +532,7 @@ pub fn marks(now: Time, board: &Board) -> String {
     .to_string()
 }
 
-/// Returns what became of an order, in one line.
+/// Returns what became of an order, in one line: by which lease it was given, and its fate for each vehicle.
 pub fn outcome_in_words(outcome: &OrderOutcome) -> String {
     if let Some(refused) = outcome.refused {
         return format!("refused, {refused}");
@@ -534,7 +544,34 @@ pub fn outcome_in_words(outcome: &OrderOutcome) -> String {
     } else {
         "NOT DONE"
     };
-    format!("{head}: {}", fates.join("; "))
+    let lease = outcome
+        .lease
+        .map_or(String::new(), |lease| format!(" by lease {}", lease.number));
+    let fates = match fates.is_empty() {
+        true => "nobody is heard".to_owned(),
+        false => fates.join("; "),
+    };
+    format!("{head}{lease}: {fates}")
+}
+
+/// Returns what became of an order of a page, in one line for a log: what it was, for whom and of which page, by which lease, and
+/// its fate for each vehicle.
+pub fn order_in_words(board: &Board, number: u32, outcome: &OrderOutcome) -> String {
+    let mut orders = board.orders().given.iter();
+    let what = orders.find(|order| order.number == number).map(|order| {
+        let whom: Vec<String> = order.request.vehicles.iter().map(u8::to_string).collect();
+        let whom = match whom.is_empty() {
+            true => "all".to_owned(),
+            false => whom.join(", "),
+        };
+        let (word, page) = (order.request.order.word(), order.request.page);
+        format!(" ({word} {whom}, by page {page})")
+    });
+    format!(
+        "order {number}{} is over: {}",
+        what.unwrap_or_default(),
+        outcome_in_words(outcome)
+    )
 }
 
 fn fates(outcome: &OrderOutcome) -> Vec<Value> {

@@ -68,6 +68,7 @@ impl WhyTask {
             empty_run: self.empty_run,
             now,
             empty,
+            heard: self.links,
             settings: self.settings,
             at: self.at,
         };
@@ -86,6 +87,8 @@ pub struct WhyJob {
     pub now: Vec<Link>,
     /// Links of the empty run.
     pub empty: Option<Vec<Link>>,
+    /// What was heard of the links of all runs, which says who has measured which.
+    pub heard: HeardLinks,
     /// How it is imaged.
     pub settings: ImagingSettings,
     /// The place.
@@ -142,23 +145,26 @@ impl WhyJob {
             "residualRms_db": made.residual_rms_db,
             "leastCovered_deg": least_covered_deg(&shares.links, shares.at),
             "untold_dbpm": untold.sum::<f64>(),
-            "told": shares.links.iter().take(TOLD).map(link).collect::<Vec<_>>(),
+            "told": shares.links.iter().take(TOLD).map(|of| self.link(of)).collect::<Vec<_>>(),
         })
         .to_string())
     }
-}
 
-fn link(of: &LinkShare) -> Value {
-    let metres = |at: Point| [(at.x_m * 1e3).round() / 1e3, (at.y_m * 1e3).round() / 1e3];
-    let parts = |value: f64| (value * 1e4).round() / 1e4;
-    json!({
-        "from": metres(of.from),
-        "to": metres(of.to),
-        "share_dbpm": parts(of.share),
-        "loss_db": parts(of.attenuation_db),
-        "sd_db": parts(of.sd_db),
-        "residual_db": parts(of.residual_db),
-    })
+    fn link(&self, of: &LinkShare) -> Value {
+        let metres = |at: Point| [(at.x_m * 1e3).round() / 1e3, (at.y_m * 1e3).round() / 1e3];
+        let parts = |value: f64| (value * 1e4).round() / 1e4;
+        let by = self.heard.vehicles_between(self.run, of.from, of.to);
+        json!({
+            "from": metres(of.from),
+            "to": metres(of.to),
+            "length_m": parts(of.from.distance_to(of.to)),
+            "vehicles": by.iter().map(|id| id.0).collect::<Vec<_>>(),
+            "share_dbpm": parts(of.share),
+            "loss_db": parts(of.attenuation_db),
+            "sd_db": parts(of.sd_db),
+            "residual_db": parts(of.residual_db),
+        })
+    }
 }
 
 /// Returns how far a link passes from a place, metres.
@@ -189,6 +195,8 @@ fn least_covered_deg(links: &[LinkShare], at: Point) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dash::links::LinkBook;
+    use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples, VehicleId};
 
     fn job(at: Point) -> WhyJob {
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
@@ -207,6 +215,7 @@ mod tests {
             empty_run: None,
             now,
             empty: None,
+            heard: HeardLinks::default(),
             settings: ImagingSettings::for_area(area),
             at,
         }
@@ -226,6 +235,12 @@ mod tests {
             "{answer}"
         );
         assert!(sum > 0.05, "{answer}");
+        for of in told {
+            // It lies along an axis; and nobody has said who measured it.
+            let length_m = of["length_m"].as_f64().unwrap();
+            assert!((length_m - 20.0).abs() < 1e-9, "{of}");
+            assert_eq!(of["vehicles"], json!([]));
+        }
         for strongest in &told[..2] {
             let ends = [&strongest["from"], &strongest["to"]];
             let is_through = ends.iter().any(|end| end[0] == 9.0 || end[1] == 9.0);
@@ -234,6 +249,49 @@ mod tests {
         // Links go through it along x and along y only.
         let least = said["leastCovered_deg"].as_f64().unwrap();
         assert!((20.0..70.0).contains(&least), "{least}");
+    }
+
+    #[test]
+    fn each_link_names_the_vehicles_that_measured_it() {
+        let pose = |x_m, y_m| PoseReport {
+            at: Position::from_metres(x_m, y_m, 0.0),
+            ..PoseReport::default()
+        };
+        let mut book = LinkBook::default();
+        // Two stand at the same places one after the other, and hear a third across the yard.
+        for (receiver, x_m) in [(1, 5.0), (2, 5.0), (2, 15.0)] {
+            let sample = |sequence| Sample {
+                sequence,
+                heard_at_ns: sequence,
+                transmitter: VehicleId(3),
+                transmitter_pose: pose(x_m, 20.0),
+                receiver_pose: pose(x_m, 0.0),
+                channel: 20,
+                power_dbm: 0,
+                rssi_dbm: Some(-60),
+            };
+            let from = (x_m * 10.0) as u64;
+            book.take(&Samples {
+                vehicle: VehicleId(receiver),
+                boot: Boot(1),
+                run: RunId(2),
+                samples: (from..from + 9).map(sample).collect(),
+                lost: Vec::new(),
+            });
+        }
+        let asked = WhyJob {
+            heard: book.heard().clone(),
+            ..job(Point::new(9.0, 9.0))
+        };
+        let said: Value = serde_json::from_str(&asked.answer().unwrap()).unwrap();
+        let by = |x_m: f64| {
+            let told = said["told"].as_array().unwrap();
+            let link = told.iter().find(|of| of["from"][0] == x_m).unwrap();
+            link["vehicles"].clone()
+        };
+        assert_eq!(by(5.0), json!([1, 2, 3]));
+        assert_eq!(by(15.0), json!([2, 3]));
+        assert_eq!(by(7.0), json!([]), "it is not known who");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use tomoswarm_proto::{
     OrderKind, PoseReport, RunEnd, StationPhase, VehicleId, VehicleMode,
 };
 
-pub use self::disk::disk_room;
+pub use self::disk::{DISK_TROUBLE, disk_room};
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
 use super::names::{self, listed};
 use crate::geom::{Point, Polygon, Pose};
@@ -410,12 +410,15 @@ fn of_ground(view: &FleetView, needs: &Requirements, now: Time) -> Vec<Check> {
             ),
         )
     }));
+    checks.push(disk::of_ground(report));
     checks.push(reported("troubles", report, no_go, |report| {
-        let standing: Vec<String> = (report.troubles.iter())
-            .filter(|words| !is_of_last_run(report, words))
+        // That of its disk has a row of its own.
+        let troubles: Vec<String> = (report.troubles.iter())
+            .filter(|words| !disk::is_disk_trouble(words))
             .cloned()
             .collect();
-        (standing.is_empty(), names::troubles(&report.troubles))
+        let is_over = |words: &String| is_of_last_run(report, words);
+        (troubles.iter().all(is_over), names::troubles(&troubles))
     }));
     checks
 }

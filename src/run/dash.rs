@@ -38,9 +38,10 @@ use crate::config::Venue;
 use crate::dash::board::Board;
 use crate::dash::gate::Gate;
 use crate::dash::page_server::{PageEffect, PageServer};
-use crate::dash::texts::{Showing, place};
+use crate::dash::texts::{Showing, order_in_words, place};
 use crate::geom::Lattice;
 use crate::operator::operator_actor::{In, Out};
+use crate::operator::order_goal::GoalId;
 use crate::sim::ScenarioError;
 
 /// Why there is no page.
@@ -203,9 +204,9 @@ impl Dashboard {
             .operator
             .go_on(until, |at, heard| server.hear(at, heard))?;
         for out in said {
-            note(&out);
             let now = self.operator.now();
             self.pages.server.operator_said(now, &out);
+            note(&out, self.pages.server.board());
         }
         Ok(())
     }
@@ -230,8 +231,14 @@ fn token() -> Result<String, RandomUnavailable> {
     Ok(format!("{high:016x}{low:016x}"))
 }
 
-fn note(out: &Out) {
-    if let Some(words) = out.in_words() {
+/// Writes down what the operator has brought about; of an order of a page by whom, by which lease, and its fate.
+fn note(out: &Out, board: &Board) {
+    let words = if let Out::Ended(GoalId::Hand(number), outcome) = out {
+        Some(order_in_words(board, *number, outcome))
+    } else {
+        out.in_words()
+    };
+    if let Some(words) = words {
         tracing::info!("{words}");
     }
 }

@@ -17,7 +17,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use tomoswarm_proto::{Boot, GroundReport, Hello, Message, Sender, VehicleId, codec};
+use tomoswarm_proto::{
+    Boot, GroundReport, Hello, Message, RecordingHealth, Sender, VehicleId, codec,
+};
 
 use self::archive::Archive;
 use self::store_thread::{StoreJob, keeper};
@@ -30,6 +32,7 @@ use super::membership::{self, RandomUnavailable};
 use super::newcomers::Newcomers;
 use super::node_threads::LiveNode;
 use super::process::{Finish, Process, StopRequest};
+use super::program_file::watch_program;
 use super::roster_watch::RosterWatch;
 use super::self_report::SelfReport;
 use super::state_dir::{StateDir, StateDirError};
@@ -44,13 +47,12 @@ use crate::ground::from_config::{PartsError, ground_parts};
 use crate::ground::imager::ImageStage;
 use crate::ground::station::{self, Station, StationMemory};
 use crate::ground::{Effect, Event, GroundWiring};
-use crate::operator::preflight::disk_room;
+use crate::operator::preflight::{DISK_TROUBLE, disk_room};
 use crate::stops::StopsSettings;
 use crate::store::CheckedFileError;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, RestoredStore, Start};
 use crate::store::lost_thread;
-use crate::store::recording::Recorder;
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
@@ -190,8 +192,10 @@ pub fn run(
     let mut tick = |_: Time, member: &BusMember, troubles: &Troubles| {
         roster.look(member, troubles);
         watch_recorder(recorder.as_ref(), (&machine, clock), troubles);
-        watch_disk(&state_dir, recorder.as_ref(), troubles);
+        let recording = recording_health(recorder.as_ref());
+        watch_disk(state_dir.free_mb(), recording, troubles);
         watch_folder(&state_dir, troubles);
+        watch_program(troubles);
         watch_stops(&edge.stops, troubles);
         watch_store(&keeper, &node, troubles);
         watch_mavlink(mavlink, troubles);
@@ -451,12 +455,11 @@ impl Edge {
     }
 }
 
-/// Tells whether the disk has room for a run.
-fn watch_disk(state_dir: &StateDir, recorder: Option<&Recorder>, troubles: &Troubles) {
-    let free_mb = state_dir.free_mb();
-    match free_mb.map(|free_mb| disk_room(free_mb, recording_health(recorder))) {
-        Some((false, found)) => troubles.raise("disk", found),
-        Some((true, _)) | None => troubles.clear("disk"),
+/// Tells whether the disk has room for a run; `free_mb` = `None`: nobody says how much it has.
+fn watch_disk(free_mb: Option<u32>, recording: Option<RecordingHealth>, troubles: &Troubles) {
+    match free_mb.map(|free_mb| disk_room(free_mb, recording)) {
+        Some((false, found)) => troubles.raise(DISK_TROUBLE, found),
+        Some((true, _)) | None => troubles.clear(DISK_TROUBLE),
     }
 }
 

@@ -8,10 +8,8 @@ use super::bus::{BusSettings, SessionTopology, Trust};
 use super::state_dir::StateDir;
 use super::trust::{self, AccessRule, TrustError, Trusted};
 use crate::config::{BusFile, Endpoint, Topology as Named, Venue};
+use crate::exchange::software::SOFTWARE;
 use crate::store::replace;
-
-/// Version of this software, as nodes say it of themselves.
-pub const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
 
 /// Who gives commands where no operator's file says which operator it is.
 pub const FIRST_OPERATOR: OperatorId = OperatorId(1);

@@ -26,6 +26,7 @@ use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
 use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process, StopRequest};
+use super::program_file::watch_program;
 use super::roster_watch::RosterWatch;
 use super::self_report::SelfReport;
 use super::state_dir::{StateDir, StateDirError};
@@ -259,6 +260,7 @@ pub fn run(
         edge.devices.watch(troubles);
         edge.watch_disk(troubles);
         watch_folder(&state_dir, troubles);
+        watch_program(troubles);
         watch_recorder(recorder.as_ref(), (&edge.machine, clock), troubles);
         later.settle(now);
         let of_itself = of_itself.due(Instant::now());

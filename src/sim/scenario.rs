@@ -28,6 +28,7 @@ use super::unmet::unmet;
 use super::world::{FlightConditions, GROUND_CLEARANCE_M, VehicleBuild, World, WorldContents};
 use crate::autopilot::VehicleKind;
 use crate::config::{self, Craft, Drivers, PlannedFault, PlannedPartition, Sim, SourceFile};
+use crate::exchange::software::RELEASE;
 use crate::geom::Point;
 use crate::ground::from_config::{self, GroundParts};
 use crate::ground::imager::Subject;
@@ -301,7 +302,7 @@ impl Scenario {
 
     fn greeting(&self, node: Sender) -> Hello {
         Hello {
-            software: env!("CARGO_PKG_VERSION").to_owned(),
+            software: RELEASE.to_owned(),
             ..Hello::asking(node, Boot(1), self.sim.venue.hash(), 0)
         }
     }

@@ -4,7 +4,7 @@
 //! transmit power of 0 dBm ([`Link::of_packet`]). Nothing is calibrated or dropped here.
 
 use std::borrow::Borrow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Sample, VehicleId};
@@ -199,6 +199,17 @@ impl LinkBins {
             .entry(key)
             .or_default()
             .add_link(devices, (from, to), link, spot);
+    }
+
+    /// Returns which vehicles have measured a link that was made here, by its mean places, ascending; none when it is not known.
+    pub fn vehicles_between(&self, from: Point, to: Point) -> Vec<VehicleId> {
+        let (key, _) = BinKey::of(from, to, self.bin_m);
+        let heard = self.bins.get(&key).into_iter().flat_map(|bin| &bin.heard);
+        let ends = heard
+            .filter_map(|heard| heard.devices)
+            .flat_map(|devices| [devices.transmitter, devices.receiver]);
+        let vehicles: BTreeSet<VehicleId> = ends.collect();
+        vehicles.into_iter().collect()
     }
 
     /// Returns the number of bin pairs.

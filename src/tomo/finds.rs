@@ -374,10 +374,16 @@ impl Search<'_> {
         let targets: Vec<Target> = judged.iter().map(|one| one.target).collect();
         let Derivatives(mut rows) = self.evidence.derivatives(&targets);
         let information = ((DEGREES + 1.0) / (DEGREES + 3.0)).sqrt();
+        let are_telling = self.evidence.are_telling(&targets);
+        let sd_db = self.evidence.sd_db.iter();
+        let scales: Vec<f64> = sd_db
+            .zip(are_telling)
+            .map(|(sd_db, is_telling)| if is_telling { information / sd_db } else { 0.0 })
+            .collect();
         for row in &mut rows {
             row.iter_mut()
-                .zip(&self.evidence.sd_db)
-                .for_each(|(value, sd_db)| *value *= information / sd_db);
+                .zip(&scales)
+                .for_each(|(value, scale)| *value *= scale);
         }
         let prior = |i: usize, j: usize| match i == j && i % 3 == 2 {
             true => self.evidence.prior_curvature(targets[i / 3].strength),

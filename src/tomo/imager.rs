@@ -20,6 +20,7 @@ use super::map_solver::{MapProblem, MapSettings, MapStart, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::Covariance;
+use super::progress::{ImagingStep, Watch};
 use super::room::room_for_change;
 use super::settings::{ImagingSettings, Solver};
 use super::shares::{LinkShare, PixelShares, shares};
@@ -191,6 +192,24 @@ impl Imager {
         empty: Option<&[Link]>,
         extras: Extras,
     ) -> Result<Reconstruction, TomoError> {
+        self.update_watched(now, empty, extras, &|_| {})
+    }
+
+    /// Does as [`Self::update`], and tells `watch` of each step when it begins.
+    ///
+    /// # Errors
+    /// As [`Self::update`].
+    pub fn update_watched(
+        &mut self,
+        now: &[Link],
+        empty: Option<&[Link]>,
+        extras: Extras,
+        watch: &dyn Fn(ImagingStep),
+    ) -> Result<Reconstruction, TomoError> {
+        let watch = Watch(watch);
+        if empty.is_some() {
+            watch.tell(ImagingStep::Structure);
+        }
         let structure = match empty {
             // Images that are never negative do without: they are not kept out of anything.
             Some(empty) if self.settings.solver.is_non_negative() => {
@@ -209,6 +228,9 @@ impl Imager {
         }
         let are_drawn = self.settings.solver.draws_persons();
         let are_sought = extras.persons && (empty.is_some() || are_drawn);
+        if are_sought {
+            watch.tell(ImagingStep::Persons);
+        }
         let finds = are_sought
             .then(|| self.finds(&calibrated, structure.as_ref()))
             .flatten();
@@ -217,7 +239,10 @@ impl Imager {
         let room = room.map_or(Vec::new(), room_for_change);
         rows.scale_pixels(&room);
         let is_exact = extras.shares_of.is_some();
-        let solved = self.solve(&rows, &mut calibrated, finds.as_ref(), is_exact);
+        let solved = self.solve(&rows, &mut calibrated, finds.as_ref(), is_exact, watch);
+        if extras.deviation.is_some() {
+            watch.tell(ImagingStep::Deviation);
+        }
         let deviation = extras
             .deviation
             .and_then(|most| self.deviation(most, &rows, &calibrated, &solved, &room));
@@ -405,6 +430,7 @@ impl Imager {
         calibrated: &mut Calibrated,
         finds: Option<&Finds>,
         is_exact: bool,
+        watch: Watch<'_>,
     ) -> Solved {
         let nuisance = nuisance_of(calibrated);
         let grid = self.settings.grid;
@@ -413,6 +439,7 @@ impl Imager {
             grid: &grid,
             observations: &calibrated.observations,
             nuisance: &nuisance,
+            watch,
         };
         let persons = self.persons(calibrated, finds);
         let solved = match self.settings.solver {
@@ -435,6 +462,7 @@ impl Imager {
     }
 
     fn solve_map(&mut self, problem: &LinkProblem<'_>, settings: MapSettings) -> Solved {
+        problem.watch.tell(ImagingStep::Solving { done: 0, of: 1 });
         let links = problem.observations;
         let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
         let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();

@@ -30,6 +30,7 @@ use self::robust::{LinkState, solve_robustly};
 use self::total_variation::PrimalDual;
 use super::Observation;
 use super::map_solver::Nuisance;
+use super::progress::Watch;
 use super::student::doubted;
 use super::weights::WeightRows;
 use crate::geom::PixelGrid;
@@ -52,6 +53,8 @@ pub(super) struct LinkProblem<'a> {
     pub observations: &'a [Observation],
     /// The unknowns of the path loss.
     pub nuisance: &'a [Nuisance],
+    /// Who is told how it gets on.
+    pub watch: Watch<'a>,
 }
 
 /// A solved problem.

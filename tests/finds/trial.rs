@@ -23,10 +23,13 @@ pub enum Placement {
     Five,
     /// Two that attenuate half as much.
     Weak,
+    /// Two in the bundled scene of that name, among or within what stands there.
+    House,
+    Castle,
 }
 
 /// All of them.
-pub const PLACEMENTS: [Placement; 7] = [
+pub const PLACEMENTS: [Placement; 9] = [
     Placement::Default,
     Placement::Nobody,
     Placement::AtTheWall,
@@ -34,6 +37,8 @@ pub const PLACEMENTS: [Placement; 7] = [
     Placement::Three,
     Placement::Five,
     Placement::Weak,
+    Placement::House,
+    Placement::Castle,
 ];
 
 impl fmt::Display for Placement {
@@ -46,6 +51,8 @@ impl fmt::Display for Placement {
             Placement::Three => "three",
             Placement::Five => "five",
             Placement::Weak => "weak",
+            Placement::House => "house",
+            Placement::Castle => "castle",
         })
     }
 }
@@ -96,16 +103,30 @@ fn drawn(seed: u64, index: u64) -> f64 {
 }
 
 impl FindTrial {
+    /// The bundled scene and simulation in which it happens.
+    fn scene(&self) -> &'static str {
+        match self.placement {
+            Placement::House => "house",
+            Placement::Castle => "castle",
+            _ => "courtyard",
+        }
+    }
+
     fn persons_toml(&self) -> String {
+        let from_objects_m = if self.scene() == "courtyard" {
+            1.5
+        } else {
+            0.5
+        };
         let random = |count: u32, apart_m: f64, db_per_m: f64| {
             format!(
-                "[random_persons]\ncount = {count}\nkeep_from_border_m = 2.0\nkeep_from_objects_m = 1.5\n\
+                "[random_persons]\ncount = {count}\nkeep_from_border_m = 2.0\nkeep_from_objects_m = {from_objects_m:?}\n\
                  apart_m = {apart_m:?}\nradius_m = 0.3\nheight_m = 1.8\ndb_per_m = {db_per_m:?}\n"
             )
         };
         let fixed = |x_m: f64, y_m: f64| format!("[[person]]\nat_m = [{x_m:.3}, {y_m:.3}]\n");
         match self.placement {
-            Placement::Default => random(2, 3.0, 10.0),
+            Placement::Default | Placement::House | Placement::Castle => random(2, 3.0, 10.0),
             Placement::Nobody => String::new(),
             Placement::Three => random(3, 3.0, 10.0),
             Placement::Five => random(5, 3.0, 10.0),
@@ -136,31 +157,39 @@ impl FindTrial {
 
     /// Returns the scenario.
     pub fn scenario(&self) -> Scenario {
-        let scene = format!(
-            "kind = \"scene\"\nname = \"courtyard\"\nwrl = \"courtyard.wrl\"\nup = \"z\"\n\
-             [material.Wall]\ndb_per_m = 20.0\n{}",
-            self.persons_toml()
-        );
+        let of_place = match self.scene() {
+            "courtyard" => {
+                "kind = \"scene\"\nname = \"courtyard\"\nwrl = \"courtyard.wrl\"\nup = \"z\"\n\
+                            [material.Wall]\ndb_per_m = 20.0\n"
+                    .to_owned()
+            }
+            other => bundled::load(&format!("scenes/{other}.scene.toml")).expect("it is bundled"),
+        };
+        let scene = of_place + &self.persons_toml();
         let mut loader = |name: &str| match name.ends_with("scene.toml") {
             true => Ok(scene.clone()),
             false => bundled::load(name),
         };
-        let name = "configs/courtyard.sim.toml";
-        let text = bundled::load(name).expect("it is bundled");
+        let name = format!("configs/{}.sim.toml", self.scene());
+        let text = bundled::load(&name).expect("it is bundled");
         let text = text.replace(
             "count = 2\nradius_m",
             &format!("count = {}\nradius_m", self.vehicles),
         );
-        let sim = config::read_sim(name, &text, None, &mut loader)
+        let text = match self.scene() {
+            "courtyard" => text,
+            // Elsewhere an empty sweep is driven first, too, and takes its time.
+            _ => text.replace(
+                "kind = \"sim\"\n",
+                "kind = \"sim\"\nempty_sweep = true\nuntil_s = 14400.0\n",
+            ),
+        };
+        let sim = config::read_sim(&name, &text, None, &mut loader)
             .unwrap_or_else(|problems| panic!("{problems}"));
-        let wrl = bundled::load("scenes/courtyard.wrl").expect("it is bundled");
-        let shapes = scene::read_vrml(
-            &wrl,
-            "courtyard.wrl",
-            Up::Z,
-            &mut |_| Err("none".to_owned()),
-        )
-        .expect("it is a scene");
+        let wrl = format!("{}.wrl", self.scene());
+        let text = bundled::load(&format!("scenes/{wrl}")).expect("it is bundled");
+        let shapes = scene::read_vrml(&text, &wrl, Up::Z, &mut |_| Err("none".to_owned()))
+            .expect("it is a scene");
         Scenario::new(sim, shapes.shapes, self.seed).expect("it is possible")
     }
 

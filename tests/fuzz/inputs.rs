@@ -10,6 +10,20 @@ const SAMPLE: u64 = 60;
 
 /// Tries one input after the other, each drawn from its number.
 pub fn try_all(name: &str, one: fn(&mut Chance)) {
+    let (tried, seconds) = try_each(name, one);
+    println!("{name}: {tried} inputs in {seconds:.0} s, none wrong");
+}
+
+/// Tries one session after the other, each drawn from its number, and counts the events in them, which each returns.
+#[allow(dead_code, reason = "not every parser is told of events")]
+pub fn try_sessions(name: &str, one: fn(&mut Chance) -> u64) {
+    let mut events = 0;
+    let (tried, seconds) = try_each(name, |chance| events += one(chance));
+    println!("{name}: {tried} sessions of {events} events in {seconds:.0} s, none wrong");
+}
+
+/// Tries one input after the other; returns how many there were, and how many seconds that took.
+fn try_each(name: &str, mut one: impl FnMut(&mut Chance)) -> (u64, f64) {
     let minutes = std::env::var("TOMOSWARM_FUZZ_MINUTES").ok();
     let seed = std::env::var("TOMOSWARM_FUZZ_SEED").ok();
     let number = |text: &str| text.trim().parse::<u64>().expect("a number");
@@ -34,8 +48,5 @@ pub fn try_all(name: &str, one: fn(&mut Chance)) {
         assert!(outcome.is_ok(), "{name}: input {seed}, see above");
         tried += 1;
     }
-    println!(
-        "{name}: {tried} inputs in {:.0} s, none wrong",
-        began.elapsed().as_secs_f64()
-    );
+    (tried, began.elapsed().as_secs_f64())
 }

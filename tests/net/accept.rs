@@ -3,6 +3,7 @@
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use crate::trust::{good, tomoswarm, tree};
 
@@ -315,8 +316,102 @@ fn an_older_folder_is_refused_also_when_only_the_state_remembers_the_newer_roste
     machine.accepts("swarm/vehicle-1");
 }
 
+/// A machine whose `systemctl` is this test's: it notes what it is asked for.
+struct Services {
+    machine: Machine,
+}
+
+impl Services {
+    fn new() -> Services {
+        let services = Services {
+            machine: Machine::new(),
+        };
+        let path = |name: &str| services.machine.path(name);
+        fs::create_dir(path("programs")).unwrap();
+        let script = format!(
+            "#!/bin/sh\necho \"$*\" >> {asked}\n[ ! -e {fails} ] || {{ echo 'Job failed.' >&2; exit 5; }}\n",
+            asked = path("asked").display(),
+            fails = path("fails").display()
+        );
+        fs::write(path("script"), script).unwrap();
+        // By a process of its own: a file that is being written, here or in what a test has begun meanwhile, does not run.
+        let install = Command::new("install")
+            .args(["-m", "755"])
+            .args([path("script"), path("programs/systemctl")])
+            .status();
+        assert!(install.unwrap().success());
+        services
+    }
+
+    /// Accepts with these programs alone; returns the exit code, what was said, and what systemctl was asked for since.
+    fn accept(&self, brought: &str, programs: &str) -> (i32, String, String) {
+        let asked = self.machine.path("asked");
+        // Nobody may have asked yet.
+        let _ = fs::remove_file(&asked);
+        let run = Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
+            .args(["accept", "--into", "etc/node"])
+            .args(brought.split(' '))
+            .env("PATH", self.machine.path(programs))
+            .current_dir(self.machine.folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
+        let asked = fs::read_to_string(asked).unwrap_or_default();
+        (run.status.code().unwrap(), said.into_owned(), asked)
+    }
+}
+
 #[test]
-fn a_service_is_started_of_a_node_that_has_one() {
+fn a_service_is_enabled_and_started_and_one_that_runs_is_left_alone() {
+    let services = Services::new();
+    let accept = |brought: &str| services.accept(brought, "programs");
+    let (code, said, asked) = accept("swarm/vehicle-1");
+    assert_eq!((code, asked.as_str()), (0, ""), "nobody wants it: {said}");
+    // `enable --now` starts what does not run. Nothing else is asked for, also not with something new: what runs, runs on.
+    let enables = "enable --now tomoswarm-vehicle\n";
+    for _ in 0..2 {
+        let (code, said, asked) = accept("swarm/vehicle-1 --start");
+        assert_eq!((code, asked.as_str()), (0, enables), "{said}");
+        assert!(said.contains("is here already"), "{said}");
+    }
+    services.machine.enroll("vehicle 1 --replace");
+    let (code, said, asked) = accept("swarm/vehicle-1 --start");
+    assert_eq!((code, asked.as_str()), (0, enables), "{said}");
+    assert!(said.contains("vehicle-1.2, roster issue 5"), "{said}");
+    // What is refused starts nothing.
+    let (code, said, asked) = accept("swarm/vehicle-2 --start");
+    assert_eq!((code, asked.as_str()), (2, ""), "{said}");
+    fs::remove_dir_all(services.machine.path("etc/node")).unwrap();
+    let (code, said, asked) = accept("swarm/ground --start");
+    let enables = "enable --now tomoswarm-ground\n";
+    assert_eq!((code, asked.as_str()), (0, enables), "{said}");
+}
+
+#[test]
+fn a_service_that_does_not_start_is_exit_code_1_and_the_folder_is_taken_over_all_the_same() {
+    let services = Services::new();
+    fs::write(services.machine.path("fails"), "").unwrap();
+    let (code, said, asked) = services.accept("swarm/vehicle-1 --start", "programs");
+    assert_eq!(
+        (code, asked.as_str()),
+        (1, "enable --now tomoswarm-vehicle\n")
+    );
+    for part in [
+        "is now that of vehicle-1.1",
+        "Job failed.",
+        "systemctl enable --now tomoswarm-vehicle: exit status: 5",
+        "journalctl -u tomoswarm-vehicle says why",
+    ] {
+        assert!(said.contains(part), "{part} is missing in: {said}");
+    }
+    let (code, said, _) = services.accept("swarm/vehicle-1 --start", "no-programs");
+    assert_eq!(code, 1);
+    let part = "systemctl enable --now tomoswarm-vehicle: No such file or directory";
+    assert!(said.contains(part), "{said}");
+}
+
+#[test]
+fn an_operator_has_no_service_that_could_be_started() {
     let machine = Machine::new();
     machine.enroll("operator");
     let (code, printed) = machine.accept("swarm/operator-1 --start");

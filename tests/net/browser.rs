@@ -18,6 +18,8 @@ pub struct Browser {
     heard: Receiver<Value>,
     last: u64,
     session: Option<String>,
+    /// The name of its tab.
+    tab: Value,
     /// Errors of the console, exceptions, and what the content policy refused.
     pub complaints: Vec<String>,
     _profile: tempfile::TempDir,
@@ -75,6 +77,7 @@ impl Browser {
             heard,
             last: 0,
             session: None,
+            tab: Value::Null,
             complaints: Vec::new(),
             _profile: profile,
         };
@@ -95,6 +98,7 @@ impl Browser {
             json!({"targetId": target, "flatten": true}),
         );
         self.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
+        self.tab = target;
         for domain in ["Page", "Runtime", "Log", "Network"] {
             self.ask(&format!("{domain}.enable"), json!({}));
         }
@@ -121,6 +125,23 @@ impl Browser {
                 return heard["result"].clone();
             }
         }
+    }
+
+    /// Hides the page behind another tab of the same window.
+    pub fn hide(&mut self) {
+        let session = self.session.take();
+        self.ask("Target.createTarget", json!({"url": "about:blank"}));
+        self.session = session;
+        self.until("document.visibilityState === 'hidden'", 5);
+    }
+
+    /// Shows the page again.
+    pub fn unhide(&mut self) {
+        let params = json!({"targetId": self.tab});
+        let session = self.session.take();
+        self.ask("Target.activateTarget", params);
+        self.session = session;
+        self.until("document.visibilityState === 'visible'", 5);
     }
 
     fn note(&mut self, heard: &Value) {

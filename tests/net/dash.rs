@@ -223,6 +223,7 @@ fn strangers_at_the_page_are_refused() {
         "/cell?x=1&y=1",
         "/ghost",
         "/settings",
+        "/settings?keys",
         "/links?run=1",
         "/export?run=1",
     ] {
@@ -383,8 +384,13 @@ fn samples(sequence: u64) -> Samples {
     }
 }
 
-/// Puts a vehicle on the bus that says evil things of itself, until it is dropped.
-fn evil_vehicle(swarm: &Swarm) -> BusSession {
+/// Puts a vehicle on the bus that says so, every so often, until a minute or two have passed; it is told how often it has
+/// spoken, and its greeting.
+pub fn vehicle_on_bus(
+    swarm: &Swarm,
+    every: Duration,
+    mut says: impl FnMut(u64, Hello) -> Vec<Message> + Send + 'static,
+) -> BusSession {
     let path = swarm.path("venue.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let read = config::read("venue.toml", &text, &mut |_| {
@@ -393,7 +399,6 @@ fn evil_vehicle(swarm: &Swarm) -> BusSession {
     let Ok(Config::Venue(venue)) = read else {
         panic!("no venue")
     };
-    let id = VehicleId(9);
     let settings = BusSettings {
         node: vehicle(9),
         listen: vec![format!("tcp/{}", free_address())],
@@ -403,43 +408,55 @@ fn evil_vehicle(swarm: &Swarm) -> BusSession {
     let publisher = bus.publisher();
     publisher.speak();
     std::thread::spawn(move || {
-        for sequence in 0..600 {
-            let hello = Hello {
-                is_member: true,
-                name: EVIL.to_owned(),
-                ..Hello::asking(Sender::Vehicle(id), Boot(1), venue.hash(), 9)
-            };
-            let pose = PoseReport {
-                at: Position::from_metres(-3.0, 9.0, 0.0),
-                ..PoseReport::default()
-            };
-            let state = State {
-                vehicle: id,
-                boot: Boot(1),
-                sequence,
-                pose: Some(pose),
-                is_at_rest: true,
-                ..State::default()
-            };
-            let health = Health {
-                vehicle: id,
-                boot: Boot(1),
-                troubles: vec![EVIL.to_owned()],
-                ..Health::default()
-            };
-            for message in [
-                Message::Hello(hello),
-                Message::State(state),
-                Message::Health(health),
-                Message::Tile(wall()),
-                Message::Samples(samples(sequence)),
-            ] {
+        let began = Instant::now();
+        let mut count = 0;
+        while began.elapsed() < Duration::from_secs(120) {
+            let hello = Hello::asking(Sender::Vehicle(VehicleId(9)), Boot(1), venue.hash(), 9);
+            for message in says(count, hello) {
                 publisher.publish(&message);
             }
-            std::thread::sleep(Duration::from_millis(200));
+            count += 1;
+            std::thread::sleep(every);
         }
     });
     bus
+}
+
+/// Puts a vehicle on the bus that says evil things of itself, until it is dropped.
+fn evil_vehicle(swarm: &Swarm) -> BusSession {
+    let id = VehicleId(9);
+    vehicle_on_bus(swarm, Duration::from_millis(200), move |sequence, hello| {
+        let hello = Hello {
+            is_member: true,
+            name: EVIL.to_owned(),
+            ..hello
+        };
+        let pose = PoseReport {
+            at: Position::from_metres(-3.0, 9.0, 0.0),
+            ..PoseReport::default()
+        };
+        let state = State {
+            vehicle: id,
+            boot: Boot(1),
+            sequence,
+            pose: Some(pose),
+            is_at_rest: true,
+            ..State::default()
+        };
+        let health = Health {
+            vehicle: id,
+            boot: Boot(1),
+            troubles: vec![EVIL.to_owned()],
+            ..Health::default()
+        };
+        vec![
+            Message::Hello(hello),
+            Message::State(state),
+            Message::Health(health),
+            Message::Tile(wall()),
+            Message::Samples(samples(sequence)),
+        ]
+    })
 }
 
 /// Frames as they were written down, which the page's own code is to read.
@@ -833,6 +850,21 @@ fn the_views_show_radio_plans_and_what_happened() {
         "document.getElementById('log-list').innerText.includes('hold, by page')",
         10,
     );
+    // How it fared, and by whose right, stands there as well; and in the log of the page's program, with the page.
+    browser.until(
+        "/order [0-9]+: (done|NOT DONE) by lease [1-9][0-9]*: 1 has obeyed after/.test(document.getElementById('log-list').innerText)",
+        10,
+    );
+    let page = browser.eval("tomoswarm.model.place.page");
+    let log = std::fs::read_to_string(swarm.path("dash.log")).unwrap();
+    let given = format!("of a page: {{\\\"order\\\":\\\"hold\\\",\\\"page\\\":{page},");
+    let ended = format!("(hold all, by page {page}) is over: ");
+    let line = |words: &str| log.lines().find(|line| line.contains(words));
+    assert!(line(&given).is_some(), "{given}: {log}");
+    let fate = line(&ended).unwrap_or_else(|| panic!("{ended}: {log}"));
+    for words in [" by lease ", "1 has obeyed after", "2 has obeyed after"] {
+        assert!(fate.contains(words), "{words}: {fate}");
+    }
     shot(&mut browser, "log");
 
     view(&mut browser, "plan");
@@ -967,6 +999,7 @@ fn on_a_phone(dash: &Dash) {
     }
     browser.eval("document.getElementById('space').scrollIntoView()");
     shot(&mut browser, "phone-space");
+    time_on_a_phone(&mut browser);
     browser.touch("#stop");
     browser.until(
         "document.getElementById('stop-result').textContent.includes('Stop is given')",
@@ -974,6 +1007,41 @@ fn on_a_phone(dash: &Dash) {
     );
     browser.until("document.querySelectorAll('#stops li').length > 0", 10);
     assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+/// Speed and marks are folded in, and unfolded by a finger; then they work, and nothing is too wide.
+fn time_on_a_phone(browser: &mut Browser) {
+    let seen = |id: &str| format!("document.getElementById('{id}').offsetHeight > 0");
+    let folded = ["time-speed", "time-before", "time-after", "time-text"];
+    for id in folded {
+        browser.until(&format!("!({})", seen(id)), 5);
+    }
+    browser.touch("#time-more");
+    for id in folded {
+        browser.until(&seen(id), 5);
+    }
+    let width = browser.eval("Math.max(document.documentElement.scrollWidth, document.getElementById('time').scrollWidth)");
+    assert!(width.as_u64().unwrap() <= 390, "{width} pixels wide");
+    shot(browser, "phone-time");
+    browser.touch("#time-before");
+    browser.until(
+        "tomoswarm.model.moment.speed === 0 && document.getElementById('time-mark').textContent.length > 5",
+        10,
+    );
+    // What a replay does not offer is gone, and what stands above it has come down.
+    browser.until("document.getElementById('start').offsetHeight === 0", 5);
+    let stop = "document.getElementById('stop').getBoundingClientRect().bottom <= innerHeight";
+    assert_eq!(browser.eval(stop), true, "Stop is seen");
+    let width = browser.eval("document.documentElement.scrollWidth");
+    assert!(width.as_u64().unwrap() <= 390, "{width} pixels wide");
+    browser.eval("(() => { const s = document.getElementById('time-speed'); s.value = '4'; s.dispatchEvent(new Event('change')); })()");
+    browser.touch("#time-play");
+    browser.until("tomoswarm.model.moment.speed === 4", 10);
+    browser.touch("#time-present");
+    browser.until("tomoswarm.model.isPresent()", 10);
+    browser.until("document.getElementById('start').offsetHeight > 0", 5);
+    browser.touch("#time-more");
+    browser.until(&format!("!({})", seen("time-speed")), 5);
 }
 
 /// The page of a swarm of two vehicles that has just begun, with the link that may order; `None` where there is no browser.

@@ -20,16 +20,21 @@ struct Sensor {
     thread: Option<JoinHandle<()>>,
 }
 
+/// Makes a serial port that has this path; what is written into it comes out there.
+pub fn serial_port(path: &Path) -> File {
+    let port = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&port).unwrap();
+    unlockpt(&port).unwrap();
+    let _ = std::fs::remove_file(path);
+    let terminal = ptsname(&port, Vec::new()).unwrap().into_string().unwrap();
+    std::os::unix::fs::symlink(terminal, path).unwrap();
+    File::from(port)
+}
+
 impl Sensor {
     fn plug(path: &Path, line: &'static [u8]) -> Sensor {
-        let port = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
-        grantpt(&port).unwrap();
-        unlockpt(&port).unwrap();
-        let _ = std::fs::remove_file(path);
-        let terminal = ptsname(&port, Vec::new()).unwrap().into_string().unwrap();
-        std::os::unix::fs::symlink(terminal, path).unwrap();
         let is_over = Arc::new(AtomicBool::new(false));
-        let (seen, mut port) = (is_over.clone(), File::from(port));
+        let (seen, mut port) = (is_over.clone(), serial_port(path));
         let thread = std::thread::spawn(move || {
             while !seen.load(Ordering::Relaxed) {
                 port.write_all(line).unwrap();
@@ -89,7 +94,7 @@ fn away_m(watch: &Watch, id: u8, home: [f64; 2]) -> f64 {
 }
 
 /// Writes the file of a vehicle anew: its range sensor is read by another driver, and is fixed.
-fn with_range(swarm: &Swarm, id: u8, range: &str) {
+pub fn with_range(swarm: &Swarm, id: u8, range: &str) {
     let name = format!("vehicle-{id}.toml");
     let text = std::fs::read_to_string(swarm.path(&name)).unwrap();
     let text = text.replace("[range]\ndriver = \"sim\"\n", range);

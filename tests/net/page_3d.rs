@@ -206,6 +206,7 @@ fn a_click_on_the_image_says_which_links_made_the_pixel_and_their_shares_add_up_
     assert!(bright > 1.0, "the brightest pixel: {bright}");
     browser.until("tomoswarm.scene.why.lines.length > 3", 5);
     shot(&mut browser, "why");
+    links_have_a_length_and_a_thickness(&mut browser);
 
     browser.eval("document.getElementById('why-clear').click()");
     browser.until("tomoswarm.scene.why === null", 5);
@@ -226,6 +227,31 @@ fn a_click_on_the_image_says_which_links_made_the_pixel_and_their_shares_add_up_
     browser.until("document.querySelectorAll('#why-links li').length === 0", 5);
     browser.complaints.retain(|said| !said.contains("400"));
     assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+/// Every link that made the pixel says how long it is and who measured it, and is the thicker the more it adds.
+fn links_have_a_length_and_a_thickness(browser: &mut Browser) {
+    let said = "[...document.querySelectorAll('#why-links li')].slice(0, 6).every(({ textContent }) => /, between 1, 2, (adds|takes) [0-9.]+ dB.m: [0-9.]+ m long, lost /.test(textContent))";
+    let words = browser.eval("document.getElementById('why-links').innerText");
+    assert_eq!(browser.eval(said), true, "{words}");
+    let as_far = "tomoswarm.scene.why.lines.every(({ from, to, length_m }) => Math.abs(Math.hypot(from[0] - to[0], from[1] - to[1]) - length_m) < 0.01)";
+    assert_eq!(browser.eval(as_far), true);
+    key(browser, 'v');
+    until_drawn(browser, "space");
+    let widths = "(() => { const drawn = tomoswarm.view.space.layers.groups.get('why')?.children ?? [], { lines } = tomoswarm.scene.why;
+        return drawn.map(({ geometry }, i) => { const at = geometry.attributes.position.array; return [Math.hypot(at[0] - at[3], at[1] - at[4]), lines[i].share]; }); })()";
+    browser.until(&format!("{widths}.length > 3"), 10);
+    let widths: Vec<[f64; 2]> = serde_json::from_value(browser.eval(widths)).unwrap();
+    for [width_m, share] in &widths {
+        let expected_m = 0.02 + 0.08 * share;
+        assert!((width_m - expected_m).abs() < 0.002, "{width_m} m, {share}");
+    }
+    assert!(widths[0][0] > 1.2 * widths.last().unwrap()[0], "{widths:?}");
+    shot(browser, "why-3d");
+    key(browser, 'v');
+    browser.until(&format!("{SHOWN} === 'plane'"), 5);
+    // Its size has changed: where what stands is told when it is drawn.
+    browser.until("tomoswarm.scene.view !== null", 10);
 }
 
 /// Asks for the scene in three dimensions, which is refused in words; then Space stops everybody.

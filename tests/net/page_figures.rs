@@ -22,7 +22,7 @@ const OVER: Duration = Duration::from_secs(20);
 
 /// Writes a field of 60 m with nothing but a crate in a corner, and a simulation of vehicles that drive about on it;
 /// returns its file.
-fn field(folder: &Path, vehicles: usize) -> String {
+pub fn field(folder: &Path, vehicles: usize) -> String {
     let mut homes = String::new();
     for number in 0..vehicles {
         let (x_m, y_m) = (12 + 4 * (number % 10), 20 + 4 * (number / 10));

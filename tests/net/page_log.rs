@@ -76,6 +76,11 @@ fn a_page_shows_each_line_of_the_logs_once_and_the_settings_of_each_node() {
         choose(&mut browser, id);
         browser.until(&has_row(&format!("id = {id}")), 10);
         browser.until(&has_row("vehicle.radius_m = 0.25"), 5);
+        // With its default, and what is allowed.
+        browser.until(
+            "[...document.querySelectorAll('#settings-list li')].some((row) => row.textContent.startsWith('vehicle.radius_m = 0.25 ') && row.textContent.endsWith('(default: 0.25; allowed: 0.05 to 2 m)'))",
+            10,
+        );
     }
     choose(&mut browser, "ground");
     browser.until(&has_row("kind = \"ground\""), 10);

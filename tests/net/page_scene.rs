@@ -9,6 +9,8 @@ use tomoswarm_proto::TILE_CELLS;
 use crate::browser::Browser;
 use crate::dash::{Dash, every_control_has_a_name, pixel, shot, view};
 use crate::page_3d::looked_at;
+use crate::page_figures::field;
+use crate::sim_page::SimulationWithPage;
 
 /// A tile is this wide: 32 cells of 0.2 m.
 const TILE_M: f64 = 6.4;
@@ -265,5 +267,42 @@ fn finds_have_ellipses_and_their_deviation_strength_and_probability_are_drawn_ag
     assert_eq!(around, json!(true));
     every_control_has_a_name(&mut browser);
     shot(&mut browser, "finds");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn vehicles_that_measure_nothing_say_whom_they_hear() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(mut browser) = Browser::open(1280, 800) else {
+        return;
+    };
+    let config = field(folder.path(), 3);
+    let out = folder.path().join("out");
+    let simulation = SimulationWithPage::of(&config, &out, &["--pace", "4"]);
+    browser.go(&simulation.dash.look);
+    view(&mut browser, "radio");
+    let cell = |receiver: u8, transmitter: u8| {
+        format!(
+            "[...document.querySelectorAll('#radio-matrix button')].find((of) => of.getAttribute('aria-label').startsWith('{receiver} hears {transmitter}: '))"
+        )
+    };
+    for (receiver, transmitter) in [(1, 2), (2, 1), (1, 3), (3, 2)] {
+        let of = cell(receiver, transmitter);
+        browser.until(
+            &format!("{of}?.textContent === 'heard' && {of}.getAttribute('aria-label').endsWith(': yes, by its own word')"),
+            30,
+        );
+    }
+    assert_eq!(browser.eval("tomoswarm.model.pairs.size"), 0, "no samples");
+    let unit = browser.eval("document.getElementById('radio-unit').textContent");
+    assert!(
+        unit.as_str().unwrap().contains("by the vehicle's own word"),
+        "{unit}"
+    );
+    // Who says no more that it hears somebody is not taken to.
+    browser.eval("(() => { tomoswarm.model.vehicles.get(1).health.hears = []; tomoswarm.model.changed.add('vehicle'); tomoswarm.scene.wanted(); })()");
+    let silent = cell(1, 2);
+    browser.until(&format!("{silent}.textContent === '–'"), 5);
+    shot(&mut browser, "radio-heard");
     assert_eq!(browser.complaints, Vec::<String>::new());
 }

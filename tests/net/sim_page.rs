@@ -141,6 +141,8 @@ fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
         let earlier = "document.querySelectorAll('#earlier-finds li').length === 1";
         browser.until(earlier, 5);
         shot(&mut browser, "simulation");
+        the_truth_and_what_is_not_known_lie_over_the_image(&mut browser);
+        settings_say_what_they_may_be(&mut browser);
         browser.key(" ", "Space", 32);
         let said = "document.getElementById('stop-result').textContent.includes('takes no orders')";
         browser.until(said, 5);
@@ -152,6 +154,83 @@ fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
     let log = |folder: &Path| std::fs::read(folder.join("run.log")).unwrap();
     assert!(!log(&with).is_empty());
     assert!(log(&with) == log(&without), "the page changes the run");
+}
+
+/// The box of the scene shows persons and outlines over the image as well; and pixels are hatched of which nothing is known.
+fn the_truth_and_what_is_not_known_lie_over_the_image(browser: &mut Browser) {
+    // How many pixels over the image have the colour of what is true; how many are drawn over a corner of it.
+    let purple = "(() => { const over = document.getElementById('heat-finds'), data = over.getContext('2d').getImageData(0, 0, over.width, over.height).data;
+        let count = 0; for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 100 && Math.abs(data[i] - 160) < 6 && Math.abs(data[i + 1] - 60) < 6 && Math.abs(data[i + 2] - 200) < 6) count += 1;
+        return count; })()";
+    browser.until("document.getElementById('layer-truth').checked", 1);
+    browser.until(&format!("{purple} > 20"), 5);
+    // On the ring of the person some of it lies, as far as dashes reach, and in the middle of it nothing does.
+    let at_ring = "(() => { const over = document.getElementById('heat-finds'), pen = over.getContext('2d'), { model } = tomoswarm;
+        const image = model.images.get(Number(document.getElementById('image-subject').value)), { at, radius_m } = model.place.truth.persons[0];
+        const x = (m) => (m * 1000 - image.least_x_mm) / (image.greatest_x_mm - image.least_x_mm) * over.width;
+        const y = (m) => over.height - (m * 1000 - image.least_y_mm) / (image.greatest_y_mm - image.least_y_mm) * over.height;
+        const isThere = (a) => { const seen = pen.getImageData(Math.round(x(at[0] + radius_m * Math.cos(a))) - 1, Math.round(y(at[1] + radius_m * Math.sin(a))) - 1, 3, 3).data;
+          return seen.some((v, i) => i % 4 === 0 && seen[i + 3] > 60 && Math.abs(v - 160) < 40 && Math.abs(seen[i + 2] - 200) < 50); };
+        return Array.from({ length: 72 }, (_, i) => i * Math.PI / 36).filter(isThere).length; })()";
+    let seen = browser.eval(at_ring).as_u64().unwrap();
+    assert!(
+        seen >= 20,
+        "{seen} of 72 places of the ring have its colour"
+    );
+    shot(browser, "truth_over_image");
+    browser.eval("document.getElementById('layer-truth').click()");
+    browser.until(&format!("{purple} === 0"), 5);
+
+    let corner = |column: &str| {
+        format!(
+            "(() => {{ const over = document.getElementById('heat-finds'), image = tomoswarm.model.images.get(Number(document.getElementById('image-subject').value));
+            const side = over.width / image.columns, data = over.getContext('2d').getImageData({column} * side, over.height - side, side, side).data;
+            return data.filter((v, i) => i % 4 === 3 && v > 0).length; }})()"
+        )
+    };
+    let [west, east] = [corner("0"), corner("(image.columns - 1)")];
+    let hatched = "document.getElementById('heat-scale').textContent.includes('Hatched: ')";
+    let choose = |browser: &mut Browser, plane: &str| {
+        browser.eval(&format!("(() => {{ const s = document.getElementById('image-plane'); s.value = '{plane}'; s.dispatchEvent(new Event('change')); }})()"));
+    };
+    // Of one pixel nothing is known, of all others half of what was believed before.
+    browser.eval(
+        "(() => { const { model } = tomoswarm, subject = Number(document.getElementById('image-subject').value);
+        const image = model.images.get(subject), prior = model.finds.get(subject).priorSd_dbpm;
+        if (!(prior > 0.1)) throw new Error(`the prior is ${prior}`);
+        image.deviation.fill(0.5 * prior); image.deviation[0] = prior; image.version += 1; })()",
+    );
+    choose(browser, "mean");
+    browser.until(hatched, 5);
+    assert!(browser.eval(&west).as_u64().unwrap() > 3, "hatched");
+    assert_eq!(browser.eval(&east), 0, "not hatched");
+    choose(browser, "deviation");
+    browser.until(&format!("!{hatched}"), 5);
+    assert_eq!(browser.eval(&west), 0, "that is shown as it is");
+    choose(browser, "mean");
+}
+
+/// Each key is shown with its default and with what is allowed, as it is declared.
+fn settings_say_what_they_may_be(browser: &mut Browser) {
+    view(browser, "settings");
+    let row = |start: &str| {
+        format!(
+            "[...document.querySelectorAll('#settings-list li')].map((row) => row.textContent).find((text) => text.startsWith('{start}'))"
+        )
+    };
+    for (key, known) in [
+        (
+            "vehicles.max_speed_mps = 1.8 ",
+            "(default: 0.5; allowed: 0.01 to 20 m/s)",
+        ),
+        ("imaging.min_link_m = 2", "(default: "),
+        (
+            "mission.kind = \"sweep\"",
+            "(default: sweep; allowed: sweep, calibrate, ",
+        ),
+    ] {
+        browser.until(&format!("{}?.includes('{known}')", row(key)), 10);
+    }
 }
 
 #[test]

@@ -60,12 +60,14 @@ impl Since {
     }
 }
 
-pub fn any_edges(chance: &mut Chance) {
+/// Returns how many events there were.
+pub fn any_edges(chance: &mut Chance) -> u64 {
     let mut edges = EchoEdges::new(chance.between(-40.0, 60.0));
     let (mut now_ns, mut number) = (chance.below(1 << 40) as i64, chance.below(1 << 32) as u32);
     let (mut since, mut before, mut last) = (Since::default(), None, None);
     let (mut answers, mut triggers) = (0, 0_u64);
-    for _ in 0..chance.below(30) {
+    let events = chance.below(30);
+    for _ in 0..events {
         now_ns = (now_ns + step_ns(chance)).max(0);
         let now = Time::from_nanos(now_ns as u64);
         let answer = match chance.below(6) {
@@ -113,4 +115,6 @@ pub fn any_edges(chance: &mut Chance) {
     assert!(answers <= triggers, "an answer is of a trigger");
     let faults = edges.faults();
     assert!(faults.silent + faults.stuck <= triggers);
+    // The last one is the wake at the end.
+    events as u64 + 1
 }

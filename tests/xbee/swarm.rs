@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tomoswarm::hw::xbee_frame::ApiMode;
 use tomoswarm::hw::xbee_modem::{ModemOut, XbeeModem};
-use tomoswarm::hw::xbee_registers::{EE, ModuleKind, ModuleSettings};
+use tomoswarm::hw::xbee_registers::{AP, EE, ModuleKind, ModuleSettings};
 use tomoswarm::sim::xbee_module::ModuleFaults;
 use tomoswarm::time::Time;
 use tomoswarm_proto::{Beacon, Boot, VehicleId};
@@ -281,6 +281,49 @@ fn a_module_in_the_other_mode_is_told_whichever_that_is() {
         assert_eq!(troubles.len(), 1);
         assert!(troubles[0].to_string().ends_with(&expected), "{troubles:?}");
     }
+}
+
+#[test]
+fn a_module_in_transparent_mode_is_said_to_be_silent_and_speaks_once_it_is_set_up() {
+    let mut transparent = module(ModuleKind::Xbee3, &wanted(1), 115_200);
+    assert!(transparent.set_register(AP, &[0]));
+    let mut field = Field::new();
+    field.add(XbeeModem::new(wanted(1)), transparent);
+    for vehicle in [2, 3] {
+        let settings = wanted(vehicle);
+        field.add(
+            XbeeModem::new(settings),
+            module(ModuleKind::Xbee3, &settings, 115_200),
+        );
+    }
+    let mut swarm = Swarm::new(field);
+    swarm.run(at_s(10));
+    let link = &swarm.field.links[0];
+    let troubles = link.modem.troubles(swarm.field.now);
+    assert_eq!(troubles.len(), 1, "{troubles:?}");
+    let said = troubles[0].to_string();
+    assert!(
+        said.starts_with("the module does not answer") && said.contains("in transparent mode"),
+        "{said}"
+    );
+    assert!(said.ends_with("`tomoswarm xbee setup` finds it"), "{said}");
+    assert_eq!(
+        (link.modem.is_ready(), link.modem.health().sent),
+        (false, 0)
+    );
+    let speaker = &swarm.speakers[0];
+    assert!(speaker.last == 0 && speaker.unsent > 20, "all come back");
+    // What the driver asks goes on the air as it is, and is a beacon to nobody; the others talk on.
+    for (index, other) in [(1, 3), (2, 2)] {
+        let speaker = &swarm.speakers[index];
+        assert_eq!(speaker.heard.keys().copied().collect::<Vec<u8>>(), [other]);
+        assert!(speaker.heard[&other].len() > 20);
+    }
+    assert!(swarm.field.links[0].module.set_register(AP, &[2]));
+    swarm.run(at_s(13));
+    let modem = &swarm.field.links[0].modem;
+    assert_eq!(modem.troubles(swarm.field.now), []);
+    assert!(modem.health().sent > 3);
 }
 
 #[test]

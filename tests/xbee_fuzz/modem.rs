@@ -212,14 +212,17 @@ impl Session {
     }
 }
 
-pub fn any_events(chance: &mut Chance) {
+/// Returns how many events there were.
+pub fn any_events(chance: &mut Chance) -> u64 {
     let mut session = Session {
         modem: XbeeModem::new(SETTINGS),
         now: Time::ZERO,
         numbers: Numbers::default(),
         asked: Vec::new(),
     };
-    for _ in 0..20 + chance.below(200) {
+    let events = 20 + chance.below(200);
+    for _ in 0..events {
         session.step(chance);
     }
+    events as u64
 }

@@ -76,12 +76,14 @@ fn any_packet(chance: &mut Chance) -> Packet {
     }
 }
 
-pub fn any_words(chance: &mut Chance) {
+/// Returns how many events there were.
+pub fn any_words(chance: &mut Chance) -> u64 {
     let mut module = any_module(chance);
     let mut now = Time::ZERO;
     let baud = chance.one_of(&[9_600, 57_600, 115_200, 230_400]);
     module.open(baud);
-    for _ in 0..20 + chance.below(100) {
+    let events = 20 + chance.below(100);
+    for _ in 0..events {
         match chance.below(12) {
             0 | 1 => module.write(now, &frames::bytes(chance, 100)),
             2 => {
@@ -124,6 +126,7 @@ pub fn any_words(chance: &mut Chance) {
             }
         }
     }
+    events as u64
 }
 
 /// The line between a module and its host: loses and damages pieces while it is bad.
@@ -157,7 +160,8 @@ fn take_all(
     }
 }
 
-pub fn bad_line(chance: &mut Chance) {
+/// Returns how many events the modem was told of.
+pub fn bad_line(chance: &mut Chance) -> u64 {
     let mut module = XbeeModule::new(ModuleKind::Xbee3, 7, Noise::new(chance.below(1000) as u64));
     let values = [(AP, 2), (BD, 7), (MY, 2), (ID, 0x1A2B), (CH, 15), (PL, 4)];
     for (name, value) in values {
@@ -177,6 +181,7 @@ pub fn bad_line(chance: &mut Chance) {
     let bad = chance.one_of(&[0.02, 0.3, 0.9]);
     let end = good_from + Duration::from_secs(8);
     let mut next_beacon = now + Duration::from_millis(300);
+    let mut events = 1;
     while now < end {
         let bad = if now < good_from { bad } else { 0.0 };
         let next = [module.deadline(), modem.deadline(), Some(next_beacon)]
@@ -191,13 +196,16 @@ pub fn bad_line(chance: &mut Chance) {
                 && let Some(bytes) = over_line(chance, bad, bytes)
             {
                 modem.take(now, &bytes, &mut out);
+                events += 1;
             }
         }
         modem.due(now, &mut out);
+        events += 1;
         take_all(chance, bad, now, &mut out, &mut module, &mut numbers);
         if now == next_beacon {
             next_beacon = now + Duration::from_millis(20 + chance.below(200) as u64);
             modem.send(now, beacon(2, numbers.next()), &mut out);
+            events += 1;
             take_all(chance, bad, now, &mut out, &mut module, &mut numbers);
             if bad > 0.0 && chance.happens(0.02) {
                 module.switch_on(now);
@@ -206,9 +214,11 @@ pub fn bad_line(chance: &mut Chance) {
     }
     assert!(modem.is_ready(), "{:?}", modem.troubles(now));
     assert!(modem.health().sent > 0);
+    events
 }
 
-pub fn set_up(chance: &mut Chance) {
+/// Returns how many events the set-up was told of.
+pub fn set_up(chance: &mut Chance) -> u64 {
     let mut module = any_module(chance);
     let wanted = ModuleSettings {
         channel: chance.one_of(&[11, 12, 15, 26]),
@@ -225,6 +235,7 @@ pub fn set_up(chance: &mut Chance) {
     let bad = chance.one_of(&[0.0, 0.0, 0.02, 0.2, 1.0]);
     let (mut now, mut out, mut result) = (Time::ZERO, Vec::new(), None);
     let mut setup = XbeeSetup::begin(now, settings, &mut out);
+    let mut events = 1;
     while result.is_none() {
         for said in out.split_off(0) {
             match said {
@@ -245,9 +256,11 @@ pub fn set_up(chance: &mut Chance) {
                 && let Some(bytes) = over_line(chance, bad, bytes)
             {
                 setup.take(now, &bytes, &mut out);
+                events += 1;
             }
         }
         setup.due(now, &mut out);
+        events += 1;
         assert!(now < Time::from_secs_f64(120.0), "it never ends");
     }
     match result.expect("it has ended") {
@@ -283,4 +296,5 @@ pub fn set_up(chance: &mut Chance) {
             }
         }
     }
+    events
 }

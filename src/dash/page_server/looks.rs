@@ -7,6 +7,7 @@ use serde_json::json;
 use tomoswarm_proto::{ImageSubject, RunId, Sender};
 
 use super::PageServer;
+use crate::config::keys_in_words;
 use crate::dash::board::Board;
 use crate::dash::cell_view::cell;
 use crate::dash::gate::{GateRefusal, PageId};
@@ -109,6 +110,16 @@ impl PageServer {
         self.node_settings.of(node).ok_or_else(|| {
             GateRefusal::Unreadable(format!("{node} has not said its settings to this page"))
         })
+    }
+
+    /// Returns every key that can be set, with its default and what is allowed, as `tomoswarm check --keys` prints them
+    /// ([`keys_in_words`]), for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn keys(&self, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        Ok(keys_in_words())
     }
 
     /// Judges whether who asks may look.

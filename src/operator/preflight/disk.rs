@@ -1,12 +1,14 @@
 //! Whether a node's disk has room for a run: for its data, and for what its recordings may still grow by. Recordings give
 //! way before data; one that has no room is shorter than its file says.
 
-use tomoswarm_proto::{Health, RecordingHealth};
+use tomoswarm_proto::{GroundReport, Health, RecordingHealth};
 
 use super::{Check, CheckStatus, reported};
 
 /// Room that a node must have for its data, MB.
 const DATA_MB: u32 = 200;
+/// By this name a ground station says that its disk has too little room.
+pub const DISK_TROUBLE: &str = "disk";
 
 /// Judges the disk of a vehicle; one that does not say its room is not known.
 pub(super) fn disk(health: Option<&Health>) -> Check {
@@ -17,6 +19,23 @@ pub(super) fn disk(health: Option<&Health>) -> Check {
         CheckStatus::Unknown,
         |(free_mb, recording)| disk_room(free_mb, recording),
     )
+}
+
+/// Judges the disk of a ground station, which looks at it once a second and says how much room there is only when that is too
+/// little.
+pub(super) fn of_ground(report: Option<&GroundReport>) -> Check {
+    reported("disk", report, CheckStatus::NoGo, |report| {
+        let short = report.troubles.iter().find(|words| is_disk_trouble(words));
+        match short.and_then(|words| words.split_once(": ")) {
+            Some((_, found)) => (false, found.to_owned()),
+            None => (true, "enough for a run, else it would say so".to_owned()),
+        }
+    })
+}
+
+/// Returns whether a trouble of a ground station is that its disk has too little room.
+pub(super) fn is_disk_trouble(words: &str) -> bool {
+    (words.strip_prefix(DISK_TROUBLE)).is_some_and(|rest| rest.starts_with(": "))
 }
 
 /// Returns whether a disk with so much room, MB, suffices, and what was found, in words.

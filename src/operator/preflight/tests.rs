@@ -401,6 +401,19 @@ fn each_check_of_the_ground_can_refuse() {
         },
         &["ground: troubles"],
     );
+    // The disk has a row of its own.
+    let short = || format!("{DISK_TROUBLE}: {}", disk_room(200, None).1);
+    wrong(
+        |swarm| swarm.reports[0].troubles.push(short()),
+        &["ground: disk"],
+    );
+    wrong(
+        |swarm| {
+            let others = ["disks: two".to_owned(), "store: disk: full".to_owned()];
+            swarm.reports[0].troubles.extend(others);
+        },
+        &["ground: troubles"],
+    );
     // The next run may begin after one that has failed.
     let failed = |run: u32| {
         move |swarm: &mut Swarm| {
@@ -429,6 +442,36 @@ fn each_check_of_the_ground_can_refuse() {
         |swarm| swarm.states[0].1.ordered = higher.ordered,
         &["ground: lease"],
     );
+}
+
+#[test]
+fn the_ground_has_a_row_for_its_disk_that_says_how_much_room_is_missing() {
+    let row = |trouble: Option<(u32, RecordingHealth)>| {
+        let mut swarm = Swarm::sound();
+        let said = trouble.map(|(free_mb, recording)| {
+            format!("{DISK_TROUBLE}: {}", disk_room(free_mb, Some(recording)).1)
+        });
+        swarm.reports[0].troubles.extend(said);
+        let nodes = inspect(&swarm.view(), &needs(), at(NOW_S));
+        let ground = nodes.iter().find(|node| node.node == "ground").unwrap();
+        let mut disks = ground.checks.iter().filter(|check| check.what == "disk");
+        let disk = disks.next().unwrap();
+        (disk.light, disk.found.clone())
+    };
+    let room = "enough for a run, else it would say so".to_owned();
+    assert_eq!(row(None), (CheckStatus::Go, room));
+    let recording = RecordingHealth {
+        used_mb: 56,
+        limit_mb: 256,
+    };
+    let short = "300 MB free, over 400 MB needed: 200 MB, and 200 MB for recordings (56 of 256 MB)";
+    assert_eq!(
+        row(Some((300, recording))),
+        (CheckStatus::NoGo, short.to_owned())
+    );
+    let mut silent = Swarm::sound();
+    silent.reports.clear();
+    assert!(refusals(silent, &needs()).contains(&"ground: disk".to_owned()));
 }
 
 #[test]

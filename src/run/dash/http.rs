@@ -162,6 +162,8 @@ pub(super) enum LookWord {
     Cell(CellQuestion),
     /// What is set, by this process or by a node, TOML with the meaning of each key.
     Settings(Option<Sender>),
+    /// Every key that can be set with its default and what is allowed, Markdown.
+    Keys,
     /// These places (JSON) as a mission of QGroundControl.
     Waypoints(Vec<u8>, MissionFormat),
     /// The places (JSON) of such a mission.

@@ -11,7 +11,6 @@ use tokio_rustls::rustls::ServerConfig;
 use tomoswarm_proto::RunId;
 
 use super::super::clock::Clock;
-use super::super::membership::SOFTWARE;
 use super::answers::{Reply, SlowAnswers, send};
 use super::http::{HttpServer, LookWord, Outbound, PostWord, Request, RequestSender, Wake};
 use super::viewers::Viewers;
@@ -19,6 +18,7 @@ use super::{DashError, PageAddress, PageCertificate};
 use crate::dash::gate::{OwnNames, PageId, REQUESTS_WAITING, named};
 use crate::dash::page_server::{PageEffect, PageServer};
 use crate::dash::run_files::{RunFiles, exported};
+use crate::exchange::software::SOFTWARE;
 use crate::time::Time;
 
 /// A host looks this often whether it shall end.
@@ -45,6 +45,8 @@ pub(super) struct Pages {
     store: Option<SharedRunFiles>,
     viewers: Viewers,
     venue: String,
+    /// The version that all nodes shall have.
+    pub(super) software: &'static str,
     _http: HttpServer,
 }
 
@@ -148,6 +150,7 @@ impl Pages {
             store: None,
             viewers: Viewers::default(),
             venue,
+            software: SOFTWARE,
             _http: http.map_err(DashError::Thread)?,
         })
     }
@@ -230,11 +233,14 @@ impl Pages {
                 let token = Some(authorization.as_str());
                 let text = match what {
                     LookWord::Metrics => self.server.metrics(now, token),
-                    LookWord::Preflight(page) => self.server.preflight(now, token, page, SOFTWARE),
+                    LookWord::Preflight(page) => {
+                        self.server.preflight(now, token, page, self.software)
+                    }
                     LookWord::Mesh => self.server.mesh(token),
                     LookWord::Ghost => self.server.ghost(token),
                     LookWord::Cell(asked) => self.server.cell(now, token, asked),
                     LookWord::Settings(of) => self.server.settings(token, of),
+                    LookWord::Keys => self.server.keys(token),
                     LookWord::Waypoints(places, format) => {
                         self.server.waypoints(token, &places, format)
                     }

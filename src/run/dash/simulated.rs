@@ -21,6 +21,7 @@ use crate::dash::gate::Gate;
 use crate::dash::page_server::PageServer;
 use crate::dash::scene_mesh::{scene_mesh, sensors};
 use crate::dash::texts::{Showing, place, truth};
+use crate::exchange::software::RELEASE;
 use crate::geom::Lattice;
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
@@ -80,7 +81,8 @@ impl SimulationPage {
             // Who has much to take looks up soon anyway.
             Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
         });
-        let pages = Pages::start(server, listening, None, wake)?;
+        let mut pages = Pages::start(server, listening, None, wake)?;
+        pages.software = RELEASE;
         let thread = std::thread::Builder::new().name("simulation page".to_owned());
         let thread = thread.spawn(move || serve(pages, &waiting));
         Ok(SimulationPage {

@@ -76,6 +76,8 @@ pub(super) fn in_words(error: &io::Error) -> String {
         }
         io::ErrorKind::IsADirectory => "it is a directory, no serial port".to_owned(),
         io::ErrorKind::UnexpectedEof => "it has gone".to_owned(),
+        // Who waits for bytes in vain asks nobody for words.
+        io::ErrorKind::TimedOut => "it takes no bytes".to_owned(),
         _ if error.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => {
             "it is no serial port".to_owned()
         }
@@ -91,6 +93,39 @@ mod tests {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
     use super::*;
+
+    #[test]
+    fn why_a_port_is_closed_is_said_with_what_helps() {
+        use rustix::io::Errno;
+        for (errno, expected) in [
+            (
+                Errno::ACCESS,
+                "Permission denied (os error 13); who is in its group may open it (mostly dialout)",
+            ),
+            (
+                Errno::PERM,
+                "Operation not permitted (os error 1); who is in its group may open it (mostly dialout)",
+            ),
+            (
+                Errno::NOENT,
+                "No such file or directory (os error 2); a serial port is needed (ls /dev/serial/by-id)",
+            ),
+            (Errno::WOULDBLOCK, "another program uses it"),
+            (Errno::BUSY, "another program uses it"),
+            (Errno::ISDIR, "it is a directory, no serial port"),
+            (Errno::NOTTY, "it is no serial port"),
+            (Errno::IO, "it has gone"),
+            (Errno::NXIO, "No such device or address (os error 6)"),
+        ] {
+            assert_eq!(in_words(&errno.into()), expected);
+        }
+        for (kind, expected) in [
+            (io::ErrorKind::UnexpectedEof, "it has gone"),
+            (io::ErrorKind::TimedOut, "it takes no bytes"),
+        ] {
+            assert_eq!(in_words(&kind.into()), expected);
+        }
+    }
 
     #[test]
     fn an_xbee_gets_two_stop_bits_at_whatever_baud_rate_and_other_devices_one() {

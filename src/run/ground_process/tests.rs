@@ -63,6 +63,26 @@ fn a_store_whose_thread_has_ended_is_a_trouble() {
 }
 
 #[test]
+fn a_disk_without_room_for_a_run_is_a_trouble_as_long_as_it_is_so() {
+    let troubles = Troubles::default();
+    let said = |free_mb, recording| {
+        watch_disk(free_mb, recording, &troubles);
+        troubles.list()
+    };
+    assert_eq!(said(Some(201), None), [""; 0]);
+    let short = ["disk: 200 MB free, over 200 MB needed"];
+    assert_eq!(said(Some(200), None), short);
+    assert_eq!(said(Some(201), None), [""; 0]);
+    let recording = Some(RecordingHealth {
+        used_mb: 100,
+        limit_mb: 4000,
+    });
+    let short = "disk: 4100 MB free, over 4100 MB needed: 200 MB, and 3900 MB for recordings (100 of 4000 MB)";
+    assert_eq!(said(Some(4100), recording), [short]);
+    assert_eq!(said(None, recording), [""; 0], "nobody says it");
+}
+
+#[test]
 fn what_could_not_be_stored_is_stored_later_and_each_trouble_ends_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let troubles = Troubles::default();

@@ -6,6 +6,8 @@
 //!   loss = Σ_l ρ(z_l²) + Σ_k ½ (ln(a_k / a₀) / s)²
 //! ```
 //!
+//! A link at its receiver's floor says *at least y*: where persons explain more, it is explained, z = 0.
+//!
 //! y = attenuation of a link, v its variance, t its chord of a person ([`crate::tomo::person`]), a = strength. κ makes up for
 //! variances that are wrong all together; it is found with the persons known.
 
@@ -46,6 +48,8 @@ pub(super) struct Evidence<'a> {
     pub links: Vec<PersonLink>,
     pub attenuation_db: Vec<f64>,
     variance_db2: Vec<f64>,
+    /// Whether a link loses this or more.
+    is_at_floor: Vec<bool>,
     /// √(κ v), dB.
     pub sd_db: Vec<f64>,
 }
@@ -100,6 +104,7 @@ impl<'a> Evidence<'a> {
             links,
             attenuation_db: observations.iter().map(|one| one.attenuation_db).collect(),
             variance_db2: observations.iter().map(|one| one.variance_db2).collect(),
+            is_at_floor: observations.iter().map(|one| one.is_at_floor).collect(),
             sd_db: Vec::new(),
         };
         evidence.scale_noise(&[]);
@@ -142,7 +147,29 @@ impl<'a> Evidence<'a> {
                 *rest_db -= target.strength * self.settings.person.chord_m(link, target.at);
             }
         }
+        for (link, rest_db) in residual_db.iter_mut().enumerate() {
+            *rest_db = self.left_db(link, *rest_db);
+        }
         residual_db
+    }
+
+    /// Returns what is left of a link, from its attenuation less what persons take: nothing where it is at the floor and they
+    /// take more than it could show.
+    pub(super) fn left_db(&self, link: usize, rest_db: f64) -> f64 {
+        if self.is_at_floor[link] {
+            rest_db.max(0.0)
+        } else {
+            rest_db
+        }
+    }
+
+    /// Returns which links say how much the targets take: all but those at the floor that the targets explain.
+    pub(super) fn are_telling(&self, targets: &[Target]) -> Vec<bool> {
+        let residual_db = self.residual_db(targets);
+        let floors = residual_db.iter().zip(&self.is_at_floor);
+        floors
+            .map(|(rest_db, is_at_floor)| !is_at_floor || *rest_db > 0.0)
+            .collect()
     }
 
     /// Returns the loss: minus the logarithm of the likelihood with the prior, but for a constant.
@@ -279,8 +306,11 @@ impl<'a> Evidence<'a> {
         (gradient, curvature)
     }
 
-    /// Returns how much a link counts, with what is left of it.
+    /// Returns how much a link counts, with its attenuation less what persons take.
     fn weight(&self, link: usize, rest_db: f64) -> f64 {
+        if self.is_at_floor[link] && rest_db <= 0.0 {
+            return 0.0;
+        }
         let sd_db = self.sd_db[link];
         let z = rest_db / sd_db;
         student::trust(z * z, DEGREES) / (sd_db * sd_db)

@@ -103,6 +103,7 @@ impl Place {
             let with = self.chords.iter().map(|(link, chord_m)| {
                 let link = *link as usize;
                 let z = scaled[link].0 - strength * chord_m / evidence.sd_db[link];
+                let z = evidence.left_db(link, z);
                 1.0 + z * z / DEGREES
             });
             let gained = sum_of_logarithms(without) - sum_of_logarithms(with);

@@ -10,6 +10,10 @@ const AREA: Rect = Rect {
 
 /// Links between random places of the edge, with persons that attenuate 10 dB/m and noise of 2 dB.
 fn sweep(links: usize, persons: &[Point], seed: u64) -> Vec<Observation> {
+    noisy_sweep(links, persons, seed, 2.0)
+}
+
+fn noisy_sweep(links: usize, persons: &[Point], seed: u64, noise_db: f64) -> Vec<Observation> {
     let settings = FindSettings::IN_METRES;
     let mut noise = Noise::new(seed);
     let edge = |share: f64| match (share * 4.0) as u32 {
@@ -32,7 +36,7 @@ fn sweep(links: usize, persons: &[Point], seed: u64) -> Vec<Observation> {
         observations.push(Observation {
             from,
             to,
-            attenuation_db: clean_db + 2.0 * noise.normal(),
+            attenuation_db: clean_db + noise_db * noise.normal(),
             variance_db2: 4.0,
             is_at_floor: false,
         });
@@ -109,6 +113,73 @@ fn two_persons_are_found_and_nobody_else() {
             );
             assert!((6.0..15.0).contains(&nearest.strength));
             assert!(nearest.evidence > finds.threshold && nearest.probability > 0.98);
+        }
+    }
+}
+
+#[test]
+fn links_without_noise_give_persons_back() {
+    let persons = [Point::new(6.2, 13.1), Point::new(14.7, 5.4)];
+    let finds = find(&noisy_sweep(600, &persons, 4, 1e-3));
+    assert_eq!(finds.found.len(), 2, "{finds:?}");
+    for person in persons {
+        let near = |find: &&Find| find.at.distance_to(person) < 0.01;
+        let find = finds.found.iter().find(near).expect("within a centimetre");
+        assert!((find.strength - 10.0).abs() < 0.1, "{find:?}");
+    }
+}
+
+#[test]
+fn links_at_the_floor_say_at_least() {
+    let person = [Point::new(6.2, 13.1)];
+    let at_floor = |is_told: bool| -> Vec<Observation> {
+        let cut = |one: Observation| Observation {
+            attenuation_db: one.attenuation_db.min(1.0),
+            is_at_floor: is_told && one.attenuation_db > 1.0,
+            ..one
+        };
+        noisy_sweep(1000, &person, 4, 0.3)
+            .into_iter()
+            .map(cut)
+            .collect()
+    };
+    let (told, untold) = (find(&at_floor(true)), find(&at_floor(false)));
+    let [told] = &told.found[..] else {
+        panic!("{told:?}")
+    };
+    assert!((told.strength - 10.0).abs() < 1.5, "{told:?}");
+    assert!(told.at.distance_to(person[0]) < 0.1, "{told:?}");
+    let weakest = untold.found.iter().map(|find| find.strength);
+    assert!(weakest.fold(f64::INFINITY, f64::min) < 6.0, "{untold:?}");
+}
+
+#[test]
+fn a_mirrored_or_turned_sweep_gives_mirrored_or_turned_finds() {
+    let persons = [Point::new(6.2, 13.1), Point::new(14.7, 5.4)];
+    let mirror: fn(Point) -> Point = |at| Point::new(20.0 - at.x_m, at.y_m);
+    let quarter_turn: fn(Point) -> Point = |at| Point::new(20.0 - at.y_m, at.x_m);
+    for (seed, moved) in [
+        (5, mirror),
+        (6, quarter_turn),
+        (7, mirror),
+        (8, quarter_turn),
+    ] {
+        let links = sweep(500, &persons, seed);
+        let of_moved: Vec<Observation> = links
+            .iter()
+            .map(|one| Observation {
+                from: moved(one.from),
+                to: moved(one.to),
+                ..*one
+            })
+            .collect();
+        let (finds, others) = (find(&links), find(&of_moved));
+        assert!(!finds.found.is_empty());
+        assert_eq!(finds.found.len(), others.found.len());
+        for (find, other) in finds.found.iter().zip(&others.found) {
+            let apart_m = moved(find.at).distance_to(other.at);
+            let off = (find.evidence - other.evidence).abs();
+            assert!(apart_m < 5e-3 && off < 0.05, "{find:?} {other:?}");
         }
     }
 }

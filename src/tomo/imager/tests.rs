@@ -140,3 +140,46 @@ fn an_image_that_would_take_too_much_memory_is_refused_before_it_takes_any() {
     ));
     assert!(many(20, map).is_ok());
 }
+
+#[test]
+fn each_step_is_told_when_it_begins() {
+    let of_change = ImagingSettings::for_change(AREA);
+    let settings = ImagingSettings {
+        solver: Solver::Auto(ImagingSettings::candidates_for(AREA)),
+        weights: of_change.fresnel(),
+        ..of_change
+    };
+    let empty: Vec<Link> = links(1.0)
+        .iter()
+        .map(|link| Link {
+            mean_dbm: -60.0,
+            ..*link
+        })
+        .collect();
+    let extras = Extras {
+        persons: true,
+        deviation: Some(100),
+        ..Extras::default()
+    };
+    let told = std::cell::RefCell::new(Vec::new());
+    let mut imager = Imager::new(settings).unwrap();
+    let watched = imager
+        .update_watched(&links(1.0), Some(&empty), extras, &|step| {
+            told.borrow_mut().push(step);
+        })
+        .unwrap();
+    let told = told.into_inner();
+    let of = watched.choice.as_ref().unwrap().scores.len();
+    let choosing = (0..of).map(|done| ImagingStep::Choosing { done, of });
+    let solving = (0..8).map(|done| ImagingStep::Solving { done, of: 8 });
+    let expected: Vec<ImagingStep> = [ImagingStep::Structure, ImagingStep::Persons]
+        .into_iter()
+        .chain(choosing)
+        .chain(solving)
+        .chain([ImagingStep::Deviation])
+        .collect();
+    assert_eq!(told, expected);
+    let alone = Imager::new(settings)
+        .and_then(|mut imager| imager.update(&links(1.0), Some(&empty), extras));
+    assert_eq!(alone.unwrap(), watched);
+}

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::robust::{LinkState, noise_scale};
 use super::total_variation::{PrimalDual, Variation};
 use super::{Effort, LinkProblem, Persons, Sparse, descend, vary};
+use crate::tomo::progress::{ImagingStep, Watch};
 use crate::tomo::student::DEGREES;
 
 /// Parts of the links.
@@ -217,10 +218,16 @@ fn untold_residuals_db(
     // The links without the persons.
     let rest = rest.as_ref().map(|rest| LinkProblem {
         observations: rest,
+        watch: Watch::NOBODY,
         ..*problem
     });
+    // Of the rounds of each candidate nobody is told.
+    let quiet = LinkProblem {
+        watch: Watch::NOBODY,
+        ..*problem
+    };
     let mut told = Told {
-        problem,
+        problem: &quiet,
         used: std::array::from_fn(|part| (0..links).map(|l| part_of(l) != part).collect()),
         sparse,
         earlier: None,
@@ -228,10 +235,15 @@ fn untold_residuals_db(
     let mut rows: Vec<Vec<f64>> = list
         .iter()
         .rev()
-        .map(|candidate| match (candidate, &rest) {
-            (Candidate::Variation(variation), _) => told.vary(*variation),
-            (Candidate::Points, Some(rest)) => told.descend(rest),
-            (Candidate::Points, None) | (Candidate::NonNegative, _) => told.descend(problem),
+        .enumerate()
+        .map(|(done, candidate)| {
+            let of = list.len();
+            problem.watch.tell(ImagingStep::Choosing { done, of });
+            match (candidate, &rest) {
+                (Candidate::Variation(variation), _) => told.vary(*variation),
+                (Candidate::Points, Some(rest)) => told.descend(rest),
+                (Candidate::Points, None) | (Candidate::NonNegative, _) => told.descend(&quiet),
+            }
         })
         .collect();
     rows.reverse();

@@ -12,6 +12,7 @@
 use super::LinkProblem;
 use super::response::shown;
 use crate::tomo::cholesky::{Cholesky, dot};
+use crate::tomo::progress::ImagingStep;
 use crate::tomo::student::{self, DEGREES};
 
 /// κ is no less: links that are cleaner than they are said to be would otherwise make the few behind an obstacle wild.
@@ -86,6 +87,10 @@ pub(super) fn solve_robustly<const LANES: usize>(
         data: vec![[0.0; LANES]; links],
     };
     for round in 0..rounds {
+        problem.watch.tell(ImagingStep::Solving {
+            done: round,
+            of: rounds,
+        });
         for (lane, (state, used)) in states.iter_mut().zip(used).enumerate() {
             let residual_db = state.residual_db(problem);
             let trust = if round == 0 {

@@ -1,9 +1,11 @@
-//! What all solvers of non-negative images promise.
+//! What all solvers promise, most of all those of non-negative images.
 
 use super::*;
 use crate::geom::{Point, Rect, Segment};
 use crate::tomo::tests_support::Noise;
-use crate::tomo::{Find, FindSettings, ImagingSettings, Prior};
+use crate::tomo::{
+    Covariance, Find, FindSettings, ImagingSettings, MapProblem, MapSettings, Prior,
+};
 
 const AREA: Rect = Rect {
     min: Point::new(0.0, 0.0),
@@ -71,13 +73,14 @@ fn relative_error(image: &[f64], truth: &[f64]) -> f64 {
     (off.sum::<f64>() / size).sqrt()
 }
 
-type Solve = fn(&LinkProblem<'_>) -> Solved;
+/// Returns an image.
+type Solve = fn(&LinkProblem<'_>) -> Vec<f64>;
 
-fn by_variation(problem: &LinkProblem<'_>) -> Solved {
-    variation(problem, &ImagingSettings::candidates_for(AREA))
+fn by_variation(problem: &LinkProblem<'_>) -> Vec<f64> {
+    variation(problem, &ImagingSettings::candidates_for(AREA)).image
 }
 
-fn by_sparse(problem: &LinkProblem<'_>) -> Solved {
+fn by_sparse(problem: &LinkProblem<'_>) -> Vec<f64> {
     let sparse = Sparse {
         prior: Prior {
             variance: 30.0,
@@ -85,14 +88,45 @@ fn by_sparse(problem: &LinkProblem<'_>) -> Solved {
         },
         sparsity: 0.1,
     };
-    non_negative(problem, sparse)
+    non_negative(problem, sparse).image
 }
 
-fn by_auto(problem: &LinkProblem<'_>) -> Solved {
-    auto(problem, &ImagingSettings::candidates_for(AREA), None)
+fn by_auto(problem: &LinkProblem<'_>) -> Vec<f64> {
+    auto(problem, &ImagingSettings::candidates_for(AREA), None).image
 }
 
-const ALL: [(&str, Solve); 3] = [("tv", by_variation), ("nn", by_sparse), ("auto", by_auto)];
+/// Most probable under a wide prior, to the last digit that the tests can see.
+fn by_map(problem: &LinkProblem<'_>) -> Vec<f64> {
+    let prior = Prior {
+        variance: 30.0,
+        length_m: 1.0,
+    };
+    let observations = problem.observations.iter();
+    let (attenuation_db, variance_db2): (Vec<f64>, Vec<f64>) = observations
+        .map(|one| (one.attenuation_db, 1e-3 * one.variance_db2))
+        .unzip();
+    let settings = MapSettings {
+        student_degrees: None,
+        reweightings: 0,
+        tolerance: 1e-10,
+        most_steps: 3_000,
+    };
+    let map = MapProblem {
+        rows: problem.rows,
+        covariance: &Covariance::new(problem.grid, prior),
+        attenuation_db: &attenuation_db,
+        variance_db2: &variance_db2,
+        nuisance: problem.nuisance,
+    };
+    map.solve(settings, None).image
+}
+
+const ALL: [(&str, Solve); 4] = [
+    ("tv", by_variation),
+    ("nn", by_sparse),
+    ("auto", by_auto),
+    ("map", by_map),
+];
 
 fn solve(solve: Solve, segments: &[Segment], observations: &[Observation]) -> Vec<f64> {
     let rows = rows_of(segments);
@@ -101,8 +135,9 @@ fn solve(solve: Solve, segments: &[Segment], observations: &[Observation]) -> Ve
         grid: &GRID,
         observations,
         nuisance: &[],
+        watch: Watch::NOBODY,
     };
-    solve(&problem).image
+    solve(&problem)
 }
 
 #[test]
@@ -235,6 +270,7 @@ fn auto_draws_the_person_who_is_there_and_not_the_one_who_is_not() {
             grid: &GRID,
             observations,
             nuisance: &[],
+            watch: Watch::NOBODY,
         };
         let candidates = ImagingSettings::candidates_for(AREA);
         auto(&problem, &candidates, Some(&persons)).choice.unwrap()

@@ -53,12 +53,15 @@ pub(super) async fn ghost(State(shared): State<Arc<Shared>>, headers: HeaderMap)
     look(&shared, LookWord::Ghost, &headers, JSON_TYPE).await
 }
 
-/// What is set by this process, or by a node: `of=ground` or `of=NUMBER` of a vehicle.
+/// What is set by this process, or by a node: `of=ground` or `of=NUMBER` of a vehicle; or with `keys` what can be set.
 pub(super) async fn settings(
     State(shared): State<Arc<Shared>>,
     uri: Uri,
     headers: HeaderMap,
 ) -> Response {
+    if uri.query() == Some("keys") {
+        return look(&shared, LookWord::Keys, &headers, PLAIN_TYPE).await;
+    }
     let of = match value_of(&uri, "of") {
         None => Some(None),
         Some("ground") => Some(Some(Sender::Ground)),

@@ -293,3 +293,6 @@ fn listen(port: &SerialPort, is_closed: &Mutex<bool>, told: &impl Fn(Result<Vec<
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -76,9 +76,11 @@ fn the_only<'l>(name: &str, all: &'l [FoundLine]) -> Result<&'l FoundLine, Strin
 }
 
 fn in_words(line: &FoundLine, error: &gpiocdev::Error) -> String {
-    match line.info.used {
-        true => format!("{}: {} uses it", line.info.name, line.info.consumer),
-        false => format!("{}: {error}", line.info.name),
+    let name = &line.info.name;
+    match (line.info.used, line.info.consumer.as_str()) {
+        (true, "") => format!("{name}: another program uses it"),
+        (true, consumer) => format!("{name}: {consumer} uses it"),
+        (false, _) => format!("{name}: {error}"),
     }
 }
 
@@ -196,6 +198,18 @@ mod tests {
         assert_eq!(taken.unwrap(), "as it is");
         let taken = take_echo::<()>(&line, |_| Err(refused()));
         assert!(taken.is_err(), "it is refused anyhow");
+    }
+
+    #[test]
+    fn a_line_in_use_is_said_by_its_name_with_who_uses_it_and_any_other_error_as_it_is() {
+        let refused = gpiocdev::Error::InvalidArgument("no bias".to_owned());
+        let mut line = line("/dev/gpiochip0", 24, "GPIO24");
+        assert_eq!(in_words(&line, &refused), format!("GPIO24: {refused}"));
+        (line.info.used, line.info.consumer) = (true, "spi0 CS1".to_owned());
+        assert_eq!(in_words(&line, &refused), "GPIO24: spi0 CS1 uses it");
+        // The kernel does not name everybody.
+        line.info.consumer.clear();
+        assert_eq!(in_words(&line, &refused), "GPIO24: another program uses it");
     }
 
     #[test]
