@@ -79,6 +79,16 @@ pub struct Observation {
     pub is_at_floor: bool,
 }
 
+/// Returns what is left of a link when something is explained, dB: at the receiver's floor, which hides how much more there is,
+/// no less than nothing.
+pub(super) fn unexplained_db(rest_db: f64, is_at_floor: bool) -> f64 {
+    if is_at_floor {
+        rest_db.max(0.0)
+    } else {
+        rest_db
+    }
+}
+
 /// The calibrated links of a sweep.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Calibrated {

@@ -12,6 +12,7 @@
 //! variances that are wrong all together; it is found with the persons known.
 
 use crate::geom::{Point, Rect};
+use crate::tomo::calibrate::unexplained_db;
 use crate::tomo::cholesky::Cholesky;
 use crate::tomo::person::PersonLink;
 use crate::tomo::student::{self, DEGREES};
@@ -156,20 +157,19 @@ impl<'a> Evidence<'a> {
     /// Returns what is left of a link, from its attenuation less what persons take: nothing where it is at the floor and they
     /// take more than it could show.
     pub(super) fn left_db(&self, link: usize, rest_db: f64) -> f64 {
-        if self.is_at_floor[link] {
-            rest_db.max(0.0)
-        } else {
-            rest_db
-        }
+        unexplained_db(rest_db, self.is_at_floor[link])
     }
 
     /// Returns which links say how much the targets take: all but those at the floor that the targets explain.
     pub(super) fn are_telling(&self, targets: &[Target]) -> Vec<bool> {
-        let residual_db = self.residual_db(targets);
-        let floors = residual_db.iter().zip(&self.is_at_floor);
-        floors
-            .map(|(rest_db, is_at_floor)| !is_at_floor || *rest_db > 0.0)
+        let residual_db = self.residual_db(targets).into_iter().enumerate();
+        residual_db
+            .map(|(link, rest_db)| self.is_telling(link, rest_db))
             .collect()
+    }
+
+    fn is_telling(&self, link: usize, rest_db: f64) -> bool {
+        !self.is_at_floor[link] || rest_db > 0.0
     }
 
     /// Returns the loss: minus the logarithm of the likelihood with the prior, but for a constant.
@@ -308,7 +308,7 @@ impl<'a> Evidence<'a> {
 
     /// Returns how much a link counts, with its attenuation less what persons take.
     fn weight(&self, link: usize, rest_db: f64) -> f64 {
-        if self.is_at_floor[link] && rest_db <= 0.0 {
+        if !self.is_telling(link, rest_db) {
             return 0.0;
         }
         let sd_db = self.sd_db[link];

@@ -11,6 +11,7 @@
 
 use super::LinkProblem;
 use super::response::shown;
+use crate::tomo::calibrate::unexplained_db;
 use crate::tomo::cholesky::{Cholesky, dot};
 use crate::tomo::progress::ImagingStep;
 use crate::tomo::student::{self, DEGREES};
@@ -58,13 +59,7 @@ impl LinkState {
         links
             .map(|(l, link)| {
                 let explained_db = shown(self.straight_db[l]).attenuation_db + self.offset_db[l];
-                let rest_db = link.attenuation_db - explained_db;
-                // The floor hides how much more there is.
-                if link.is_at_floor {
-                    rest_db.max(0.0)
-                } else {
-                    rest_db
-                }
+                unexplained_db(link.attenuation_db - explained_db, link.is_at_floor)
             })
             .collect()
     }
