@@ -83,6 +83,8 @@ pub mod preflight;
 pub mod preflight_text;
 mod progress;
 mod progress_bar;
+#[cfg(feature = "dash")]
+mod qr_text;
 mod read;
 mod recorded;
 pub mod recording;

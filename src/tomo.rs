@@ -6,10 +6,12 @@
 
 mod bins;
 mod calibrate;
+mod censored;
 mod cholesky;
 mod dense;
 mod deviation;
 mod device_offsets;
+mod displaced_ends;
 mod error;
 mod finds;
 mod fresnel;
@@ -19,6 +21,7 @@ mod imager;
 mod kriging;
 mod lanes;
 mod link;
+mod link_noise;
 mod links_csv;
 mod map_solver;
 mod npy;
@@ -47,11 +50,12 @@ pub use bins::{BIN_M, LinkBins, SPOT_M};
 pub use calibrate::{
     Calibrated, DropReason, DroppedLinks, Observation, calibrate, runs_along_a_side,
 };
+pub use censored::CensoredMean;
 pub use device_offsets::{DeviceOffsets, Devices};
 pub use error::TomoError;
 pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
-pub use imaged_links::{Coverage, DIRECTIONS, ImagedLink, coverage, deviation_of};
+pub use imaged_links::{Coverage, DIRECTIONS, ImagedLink, coverage};
 pub use imager::{Extras, Imager, MOST_PIXELS, Reconstruction, reconstruct};
 pub use link::{Link, floor_dbm};
 pub use links_csv::{LINKS_HEADER, MISSED_POWER, links_csv};

@@ -111,8 +111,14 @@ function inWords(link) {
   const place = ([x, y]) => `(${tenths(x)}, ${tenths(y)})`;
   return item(
     `${place(link.from)} to ${place(link.to)}${by(link.vehicles)} ${added(link.share_dbpm)}: ${link.length_m.toFixed(1)} m long, lost ` +
-    `${link.loss_db.toFixed(1)} ± ${link.sd_db.toFixed(1)} dB, ${link.residual_db.toFixed(1)} dB of it unexplained`,
+    `${link.loss_db.toFixed(1)} ± ${link.sd_db.toFixed(1)} dB by ${packets(link)}, ${link.residual_db.toFixed(1)} dB of it unexplained`,
   );
+}
+
+/** How many packets of a link were heard, and how many missed where any were. */
+function packets({ packets, misses }) {
+  const heard = `${packets} ${packets === 1 ? "packet" : "packets"}`;
+  return misses > 0 ? `${heard} (${misses} missed)` : heard;
 }
 
 /** Who has measured a link, as far as that is known. */

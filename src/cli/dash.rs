@@ -1,6 +1,6 @@
 //! `tomoswarm dash CONFIG`: the operator's page, for a browser on this machine.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,6 +9,7 @@ use super::error::CliError;
 use super::export_target::StoreFiles;
 use super::logging;
 use super::operator::{OperatorContext, fault};
+use super::qr_text::qr_text;
 use super::replay::recordings;
 use super::standard_output::{StandardOutput, complain};
 use super::stop::StopFlag;
@@ -41,6 +42,9 @@ pub struct DashArgs {
     /// certificate; without one it is refused [default: 127.0.0.1, this machine alone, without TLS]
     #[arg(long, value_name = "ADDRESS", conflicts_with = "replay")]
     pub listen: Option<IpAddr>,
+    /// Also print both links as QR codes, for the camera of a phone [default: with --listen, on a terminal]
+    #[arg(long, conflicts_with = "replay")]
+    pub qr: bool,
     /// The port of the page; 0 = any that is free
     #[arg(long, value_name = "PORT", default_value_t = PAGE_PORT)]
     pub port: u16,
@@ -111,11 +115,19 @@ impl DashArgs {
             dashboard.set_store(Arc::new(StoreFiles::of(store)));
         }
         let [look, operate] = dashboard.links();
-        let text = format!("to look     {look}\nto operate  {operate}\n");
+        let mut text = format!("to look     {look}\nto operate  {operate}\n");
+        if self.shows_codes(at.address) {
+            text += &codes(look, operate);
+        }
         out.write_all(text.as_bytes())
             .and_then(|()| out.flush())
             .map_err(CliError::stdout)?;
         dashboard.run(|| stop.is_asked()).map_err(fault)
+    }
+
+    /// Returns whether the links are shown as codes, too: to phones that can reach them, or when that is asked for.
+    fn shows_codes(&self, address: IpAddr) -> bool {
+        self.qr || (!address.is_loopback() && std::io::stdout().is_terminal())
     }
 
     /// Serves a recording until it shall end.
@@ -135,6 +147,17 @@ impl DashArgs {
         page.serve(|| stop.is_asked());
         Ok(())
     }
+}
+
+/// Returns both links as codes, each with its word.
+fn codes(look: &str, operate: &str) -> String {
+    let code = |(word, link): (&str, &str)| match qr_text(link) {
+        Some(code) => format!("\n{word}\n{code}"),
+        None => format!("\n{word}: the link is too long for a code\n"),
+    };
+    [("to look", look), ("to operate", operate)]
+        .map(code)
+        .concat()
 }
 
 /// Reads the recordings of a run, and the venue that they name.

@@ -99,7 +99,7 @@ fn shares_in_words(shares: &PixelShares, unit: &str) -> String {
     );
     for link in links.iter().take(SHARES_SHOWN) {
         text += &format!(
-            "  ({:.2}, {:.2}) to ({:.2}, {:.2}): {:+.3}, lost {:.1} ± {:.1} dB, {:+.1} dB unexplained\n",
+            "  ({:.2}, {:.2}) to ({:.2}, {:.2}): {:+.3}, lost {:.1} ± {:.1} dB by {}, {:+.1} dB unexplained\n",
             link.from.x_m,
             link.from.y_m,
             link.to.x_m,
@@ -107,10 +107,20 @@ fn shares_in_words(shares: &PixelShares, unit: &str) -> String {
             link.share,
             link.attenuation_db,
             link.sd_db,
+            packets_in_words(link.packets, link.misses),
             link.residual_db
         );
     }
     text
+}
+
+/// Returns how many packets were heard, and how many missed where any were.
+fn packets_in_words(packets: u32, misses: u32) -> String {
+    let heard = counted(packets as usize, "packet");
+    match misses {
+        0 => heard,
+        _ => format!("{heard} ({misses} missed)"),
+    }
 }
 
 /// Returns by how much radios differ, in a line.
@@ -135,7 +145,8 @@ pub(super) fn dropped_in_words(dropped: &DroppedLinks, shortest: &str) -> String
             | DropReason::NeverHeard
             | DropReason::NoEmptyPartner
             | DropReason::NoPathLoss
-            | DropReason::OutsideArea => String::new(),
+            | DropReason::OutsideArea
+            | DropReason::SilentBefore => String::new(),
         };
         format!("  {count} dropped: {}{more}\n", reason.words())
     };

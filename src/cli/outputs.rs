@@ -406,7 +406,8 @@ fn finds_json(finds: Option<&Finds>, settings: &FindSettings) -> Value {
 fn shares_json(shares: &PixelShares) -> Value {
     let link = |link: &LinkShare| {
         json!({"from": [link.from.x_m, link.from.y_m], "to": [link.to.x_m, link.to.y_m], "share": link.share,
-            "attenuation_db": link.attenuation_db, "sd_db": link.sd_db, "residual_db": link.residual_db})
+            "attenuation_db": link.attenuation_db, "sd_db": link.sd_db, "residual_db": link.residual_db,
+            "packets": link.packets, "misses": link.misses})
     };
     json!({"x": shares.at.x_m, "y": shares.at.y_m, "value": shares.value,
         "links": shares.links.iter().map(link).collect::<Vec<_>>()})

@@ -10,13 +10,13 @@ use super::outputs::{about, deviation_picture};
 use crate::config::Venue;
 use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture, described};
 use crate::geom::{Cell, Point};
-use crate::ground::imager::{MOST_BLOCKS, Subject};
+use crate::ground::imager::Subject;
 use crate::map::{CellRect, Merged, Occupancy};
 use crate::scene::Person;
 use crate::sim::{RunOutcome, Scenario};
 #[cfg(feature = "net")]
 use crate::tomo::{Extras, Imager};
-use crate::tomo::{Find, Finds, Image, ImagingSettings, Peak, Reconstruction, deviation_of};
+use crate::tomo::{Find, Finds, Image, ImagingSettings, Peak, Reconstruction};
 
 /// Draws a run: what changed, what stands there, and the map.
 ///
@@ -68,11 +68,14 @@ pub(super) fn add_links(scenario: &Scenario, outcome: &mut RunOutcome) {
     let extras = Extras {
         persons: true,
         links: true,
+        deviation: Some(crate::ground::imager::MOST_BLOCKS),
         ..Extras::default()
     };
     let again = Imager::new(scenario.image(subject))
         .and_then(|mut imager| imager.update(&outcome.links, empty, extras));
-    made.links = again.ok().and_then(|again| again.links);
+    if let Ok(again) = again {
+        (made.links, made.deviation) = (again.links, again.deviation);
+    }
 }
 
 /// Draws what is behind the image of the change, or without one that of the structure.
@@ -97,12 +100,8 @@ fn pictures_of_links(
         ("links.png", of_links.losses()?),
         ("residuals.png", of_links.residuals()?),
     ];
-    let deviation = match subject {
-        Subject::Change => deviation_of(links, &made.image.values, &settings, MOST_BLOCKS),
-        Subject::Structure => None,
-    };
-    if let Some(values) = deviation {
-        let grid = settings.grid;
+    if let Some(values) = made.deviation.clone() {
+        let grid = made.image.grid;
         let picture = deviation_picture(&Image { grid, values }, "m")?;
         pictures.push(("deviation.png", picture));
     }

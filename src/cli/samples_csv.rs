@@ -277,7 +277,7 @@ mod tests {
         assert_eq!((now.mean_dbm, now.misses), (-61.0, 6));
         assert_eq!(empty.mean_dbm, -61.0);
         let floor_dbm = floor_dbm([&now, &empty].into_iter(), -95.0);
-        let [was, is] = [empty, now].map(|link| link.censored_mean_dbm(floor_dbm));
+        let [was, is] = [empty, now].map(|link| link.censored(floor_dbm, 2.5));
         assert_eq!(was, is);
     }
 

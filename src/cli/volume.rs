@@ -242,18 +242,20 @@ fn calibrated(now: &Recording, empty: &Recording) -> (Vec<VolumeLink>, DroppedLi
     (links, dropped)
 }
 
-/// Returns what a link has lost, as an image of pixels takes it: misses count at the receiver's floor where there are many.
+/// Returns what a link has lost, as an image of pixels takes it.
 fn lost(now: &Pooled, partner: Option<&Pooled>, floor_dbm: f64) -> Result<VolumeLink, DropReason> {
-    let strength_dbm = |one: &Pooled| one.link.censored_mean_dbm(floor_dbm);
-    let now_dbm = strength_dbm(now).ok_or(DropReason::NeverHeard)?;
+    let strength = |one: &Pooled| one.link.censored(floor_dbm, PACKET_SD_DB);
+    let now_is = strength(now).ok_or(DropReason::NeverHeard)?;
     let partner = partner.ok_or(DropReason::NoEmptyPartner)?;
-    let empty_dbm = strength_dbm(partner).ok_or(DropReason::NoEmptyPartner)?;
-    let share = |one: &Pooled| 1.0 / f64::from(one.link.packets.max(1));
-    let packets = share(now) + share(partner);
+    let empty_is = strength(partner).ok_or(DropReason::NoEmptyPartner)?;
+    if now.link.is_silent() && partner.link.is_silent() {
+        return Err(DropReason::SilentBefore);
+    }
+    let packets = 1.0 / now_is.packets + 1.0 / empty_is.packets;
     Ok(VolumeLink {
         from_m: now.ends[0],
         to_m: now.ends[1],
-        attenuation_db: empty_dbm - now_dbm,
+        attenuation_db: empty_is.mean_dbm - now_is.mean_dbm,
         sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
     })
 }
@@ -413,8 +415,16 @@ mod tests {
         let empty = recorded("9,0,2,0,0,1,4,-60,0\n0,5,1,9,5,2,4,-60,0\n0,9,1,9,9,2,4,-60,0\n");
         let (links, dropped) = calibrated(&now, &empty);
         let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
-        // Of eight packets two were heard at -70 dBm, and six not, at -95 dBm or less.
-        assert_eq!(losses, [35.0, 28.75]);
+        // 0.906⁷ = ½, and Φ(1.315) = 0.906. Six of eight packets that are missed 25 dB above the floor have collided.
+        let expected = [35.0 + 1.315 * PACKET_SD_DB, 10.0];
+        assert!(
+            losses.len() == 2
+                && losses
+                    .iter()
+                    .zip(expected)
+                    .all(|(lost, of)| (lost - of).abs() < 0.01),
+            "{losses:?}"
+        );
         assert_eq!(dropped, DroppedLinks::from([(DropReason::NeverHeard, 1)]));
     }
 }

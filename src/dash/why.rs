@@ -163,6 +163,8 @@ impl WhyJob {
             "loss_db": parts(of.attenuation_db),
             "sd_db": parts(of.sd_db),
             "residual_db": parts(of.residual_db),
+            "packets": of.packets,
+            "misses": of.misses,
         })
     }
 }

@@ -437,7 +437,7 @@ mod tests {
                 assert_eq!((now.packets, now.misses), (empty.packets, empty.misses));
                 // What was heard neither before nor now has not changed.
                 let floor_dbm = floor_dbm([now, empty].into_iter(), -95.0);
-                let [was, is] = [empty, now].map(|link| link.censored_mean_dbm(floor_dbm));
+                let [was, is] = [empty, now].map(|link| link.censored(floor_dbm, 2.5));
                 assert_eq!(was, is, "{now:?}");
             }
         }

@@ -15,8 +15,13 @@ use serde::{Deserialize, Serialize};
 use crate::geom::{Point, Rect};
 
 use super::bins::BinKey;
+use super::censored::CensoredMean;
+use super::displaced_ends::add_displacement;
 use super::kriging::{Level, LevelField};
 use super::link::floor_dbm;
+use super::link_noise::{
+    below_bound_db2, excess_spread, packet_variance, single_variance, strength_of,
+};
 use super::path_loss::{ExponentPrior, LawBasis, PathLoss, spread_db};
 use super::ring::side_tolerance_m;
 use super::settings::{ImagingSettings, NoiseModel};
@@ -45,6 +50,8 @@ pub enum DropReason {
     NoPathLoss,
     /// Does not pass through the area.
     OutsideArea,
+    /// Not heard, nor was it in the empty sweep: silence says nothing of a change.
+    SilentBefore,
 }
 
 impl DropReason {
@@ -57,6 +64,7 @@ impl DropReason {
             DropReason::NoEmptyPartner => "no partner in the empty sweep",
             DropReason::NoPathLoss => "too few links to know the path loss",
             DropReason::OutsideArea => "outside the area",
+            DropReason::SilentBefore => "silent in the empty sweep, too",
         }
     }
 }
@@ -75,6 +83,10 @@ pub struct Observation {
     pub attenuation_db: f64,
     /// Its variance, dB².
     pub variance_db2: f64,
+    /// Packets heard, both directions together.
+    pub packets: u32,
+    /// Packets that were expected and not heard.
+    pub misses: u32,
     /// Whether the receiver's floor hides how much more it may be.
     pub is_at_floor: bool,
 }
@@ -133,22 +145,38 @@ pub(super) fn calibrate_around(
         let is_driven = are_driven(links, now);
         EmptySweep::of((links, is_driven), structure, settings, path_loss)
     });
-    let now_explained = match &sweep {
-        Some(EmptySweep::Driven { .. }) => explained_db(structure, now, settings.weights),
-        Some(EmptySweep::Fixed(_)) | None => vec![0.0; now.len()],
-    };
+    let is_driven = matches!(sweep, Some(EmptySweep::Driven { .. }));
+    // Of fixed places nothing is asked.
+    let explained =
+        |links: &[Link]| explained_db(structure.filter(|_| is_driven), links, settings.weights);
+    let now_explained = explained(now);
     let mut calibrated = Calibrated {
         observations: Vec::new(),
         dropped: DroppedLinks::new(),
         path_loss,
         by_empty_sweep: sweep.is_some(),
-        is_driven: matches!(sweep, Some(EmptySweep::Driven { .. })),
+        is_driven,
     };
+    let mut used = Vec::new();
     for (link, explained_db) in now.iter().zip(now_explained) {
         match observe((link, explained_db), sweep.as_ref(), path_loss, settings) {
-            Ok(observation) => calibrated.observations.push(observation),
+            Ok(observation) => {
+                calibrated.observations.push(observation);
+                used.push(*link);
+            }
             Err(reason) => *calibrated.dropped.entry(reason).or_default() += 1,
         }
+    }
+    if let Some(EmptySweep::Driven { field, .. }) = &sweep {
+        // The exponent cancels, as the length is nearly the same.
+        let level_dbm = |links: &[Link]| -> Vec<Option<f64>> {
+            let levels = links.iter().zip(explained(links));
+            levels
+                .map(|(link, explained_db)| Some(field.level_of(link)?.0 - explained_db))
+                .collect()
+        };
+        let observations = &mut calibrated.observations;
+        add_displacement(observations, &used, settings.pairing_m, level_dbm);
     }
     calibrated
 }
@@ -181,28 +209,35 @@ fn observe(
     if runs_along_a_side(link, settings.ring, settings.side_tolerance_m) {
         return Err(DropReason::SameSide);
     }
-    let mean_dbm = link
-        .censored_mean_dbm(settings.noise.sensitivity_dbm)
-        .ok_or(DropReason::NeverHeard)?;
+    let strength = strength_of(link, &settings.noise).ok_or(DropReason::NeverHeard)?;
     let (attenuation_db, variance_db2) = match sweep {
         Some(EmptySweep::Driven { field, exponent }) => {
-            let now = level_of(link, mean_dbm, *exponent, &settings.noise);
+            let now = level_of(link, strength, *exponent, &settings.noise);
             let (level_dbm, variance_db2) =
                 field.level_of(link).ok_or(DropReason::NoEmptyPartner)?;
+            if link.is_silent() && field.is_silent_around(link) {
+                return Err(DropReason::SilentBefore);
+            }
             let empty_dbm = level_dbm - explained_db;
             (empty_dbm - now.level_dbm, now.variance_db2 + variance_db2)
         }
         Some(EmptySweep::Fixed(sweep)) => {
             let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
+            if link.is_silent() && partner.link.is_silent() {
+                return Err(DropReason::SilentBefore);
+            }
             // A partner may be longer or shorter by a bin: what that costs in free space (exponent 2) is no attenuation.
             let longer_db = 2.0 * (spread_db(length_m) - spread_db(partner.link.length_m()));
-            let variance_db2 = paired_variance(link, partner, &settings.noise, settings.pairing_m);
-            (partner.mean_dbm - mean_dbm - longer_db, variance_db2)
+            let now = (link, strength);
+            let variance_db2 = paired_variance(now, partner, &settings.noise, settings.pairing_m);
+            let lost_db = partner.strength.mean_dbm - strength.mean_dbm;
+            (lost_db - longer_db, variance_db2)
         }
         None => {
             let law = path_loss.ok_or(DropReason::NoPathLoss)?;
             let free_dbm = law.strength_dbm(length_m);
-            (free_dbm - mean_dbm, single_variance(link, &settings.noise))
+            let lost_db = free_dbm - strength.mean_dbm;
+            (lost_db, single_variance(link, strength, &settings.noise))
         }
     };
     let observation = Observation {
@@ -210,7 +245,9 @@ fn observe(
         to: link.to,
         attenuation_db,
         variance_db2,
-        is_at_floor: link.is_at_floor(),
+        packets: link.packets,
+        misses: link.misses,
+        is_at_floor: link.is_silent(),
     };
     Ok(observation)
 }
@@ -267,9 +304,10 @@ impl EmptySweep {
         let links: Vec<Link> = long.iter().map(|entry| entry.link).collect();
         let explained_db = explained_db(structure, &links, settings.weights);
         let level = |(entry, explained_db): (&Entry, f64)| {
-            let level = level_of(&entry.link, entry.mean_dbm, exponent, &settings.noise);
+            let level = level_of(&entry.link, entry.strength, exponent, &settings.noise);
             Level {
                 level_dbm: level.level_dbm + explained_db,
+                variance_db2: level.variance_db2 + below_bound_db2(&entry.link),
                 ..level
             }
         };
@@ -282,32 +320,24 @@ impl EmptySweep {
 }
 
 /// Returns the strength of a link but for its distance, and its variance.
-fn level_of(link: &Link, mean_dbm: f64, exponent: f64, noise: &NoiseModel) -> Level {
+fn level_of(link: &Link, strength: CensoredMean, exponent: f64, noise: &NoiseModel) -> Level {
     let excess_db2 = noise.spread_share * noise.spread_share * excess_spread(link, noise);
     Level {
         link: *link,
-        level_dbm: mean_dbm + exponent * spread_db(link.length_m()),
-        variance_db2: single_variance(link, noise) + excess_db2,
+        level_dbm: strength.mean_dbm + exponent * spread_db(link.length_m()),
+        variance_db2: single_variance(link, strength, noise) + excess_db2,
     }
-}
-
-/// s_F²/spots + s_t²/n + s_model²: without an empty sweep the fade stays in.
-fn single_variance(link: &Link, noise: &NoiseModel) -> f64 {
-    let square = |sd_db: f64| sd_db * sd_db;
-    square(noise.fading_sd_db) / f64::from(link.spots.max(1))
-        + packet_variance(link, noise)
-        + square(noise.model_sd_db)
-}
-
-/// s_t²/n, and the twelfth of a step of 1 dB.
-fn packet_variance(link: &Link, noise: &NoiseModel) -> f64 {
-    (noise.packet_sd_db * noise.packet_sd_db + 1.0 / 12.0) / f64::from(link.packets.max(1))
 }
 
 /// 2 s_F²/spots + s_t²/n_now + s_t²/n_empty + s_match², s_match from the local spread of the empty sweep.
 ///
 /// Where both sweeps stood at the very same places the fades cancel down to a small rest.
-fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: f64) -> f64 {
+fn paired_variance(
+    (link, strength): (&Link, CensoredMean),
+    partner: &Entry,
+    noise: &NoiseModel,
+    pairing_m: f64,
+) -> f64 {
     let square = |sd_db: f64| sd_db * sd_db;
     let now_share = 1.0 / f64::from(link.spots.max(1));
     let empty_share = 1.0 / f64::from(partner.link.spots.max(1));
@@ -325,24 +355,13 @@ fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: 
         noise.match_share
     };
     fading_db2
-        + packet_variance(link, noise)
-        + packet_variance(&partner.link, noise)
+        + packet_variance(strength, noise)
+        + packet_variance(partner.strength, noise)
+        + below_bound_db2(&partner.link)
         + share * share * partner.local_variance_db2
         + square(noise.spread_share)
             * (excess_spread(link, noise) + excess_spread(&partner.link, noise))
         + square(noise.model_sd_db)
-}
-
-/// Returns how much more the packets of a bin differ than noise and fades make them, dB²: an edge of the structure
-/// lies across the bin, and two sweeps will not sample it alike.
-fn excess_spread(link: &Link, noise: &NoiseModel) -> f64 {
-    let fading_db2 = if link.spots > 1 {
-        noise.fading_sd_db * noise.fading_sd_db
-    } else {
-        0.0
-    };
-    (link.spread_db * link.spread_db - noise.packet_sd_db * noise.packet_sd_db - fading_db2)
-        .max(0.0)
 }
 
 /// Returns the larger of the distances between the ends of two links, the ends matched as they lie nearer.
@@ -399,7 +418,7 @@ fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss>
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Entry {
     link: Link,
-    mean_dbm: f64,
+    strength: CensoredMean,
     /// How much the standing structure changes to the neighbouring bins, dB².
     local_variance_db2: f64,
 }
@@ -413,10 +432,9 @@ struct Partners {
 /// Returns the links of an empty sweep of which something is known, one for each bin.
 fn entries_of(links: &[Link], settings: &ImagingSettings) -> BTreeMap<BinKey, Entry> {
     let known = |(key, link): (BinKey, Link)| {
-        let mean_dbm = link.censored_mean_dbm(settings.noise.sensitivity_dbm)?;
         let entry = Entry {
             link,
-            mean_dbm,
+            strength: strength_of(&link, &settings.noise)?,
             local_variance_db2: 0.0,
         };
         Some((key, entry))
@@ -452,16 +470,17 @@ impl Partners {
 
     /// Returns the mean square step to the neighbouring bins beyond what noise explains, dB².
     fn local_variance(&self, key: BinKey, exponent: f64, noise: &NoiseModel) -> f64 {
-        let level =
-            |entry: &Entry| entry.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3));
+        let level = |entry: &Entry| {
+            entry.strength.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3))
+        };
         let here = &self.entries[&key];
         let (mut sum, mut count) = (0.0, 0);
         for key in neighbours(key) {
             if let Some(entry) = self.entries.get(&key) {
                 let step_db = level(entry) - level(here);
                 // Two neighbours differ by noise, too; only what is beyond it is structure.
-                let expected =
-                    single_variance(&entry.link, noise) + single_variance(&here.link, noise);
+                let of = |one: &Entry| single_variance(&one.link, one.strength, noise);
+                let expected = of(entry) + of(here);
                 sum += step_db * step_db - expected;
                 count += 1;
             }
@@ -604,12 +623,55 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_link_attenuates_at_least_down_to_the_sensitivity() {
+    fn a_silent_link_attenuates_at_least_down_to_the_bound_of_its_strength() {
         let mut now = link(0.0, 5.0, 20.0, 9.0, f64::NAN);
         (now.packets, now.misses) = (0, 12);
         let empty = [link(0.0, 5.0, 20.0, 9.0, -75.0)];
         let got = calibrate(&[now], Some(&empty), &settings());
-        assert!((got.observations[0].attenuation_db - 20.0).abs() < 1e-9);
+        // 0.944¹² = ½, and Φ(1.588) = 0.944: 1.588 deviations of a packet below -95 dBm.
+        let seen = got.observations[0];
+        assert!(
+            (seen.attenuation_db - 20.0 - 1.588 * 2.5).abs() < 0.01,
+            "{seen:?}"
+        );
+        assert!(seen.is_at_floor);
+    }
+
+    #[test]
+    fn what_was_silent_before_says_nothing_of_a_change() {
+        let silent = |mut link: Link| {
+            (link.packets, link.misses) = (0, 12);
+            link
+        };
+        let fixed = link(0.0, 5.0, 20.0, 9.0, f64::NAN);
+        let got = calibrate(&[silent(fixed)], Some(&[silent(fixed)]), &settings());
+        assert!(got.observations.is_empty());
+        assert_eq!(
+            got.dropped,
+            DroppedLinks::from([(DropReason::SilentBefore, 1)])
+        );
+        // Driven: 40 links side by side, those of the upper half silent before; all are silent now.
+        let of = |step: u32, is_silent: bool| {
+            let y_m = 0.4 * f64::from(step);
+            let mut link = link(0.0, y_m, 20.0, 20.0 - y_m, -60.0);
+            link.spots = 4;
+            if is_silent { silent(link) } else { link }
+        };
+        let empty: Vec<Link> = (0..40).map(|step| of(step, step >= 20)).collect();
+        let now: Vec<Link> = (0..40).map(|step| of(step, true)).collect();
+        let got = calibrate(&now, Some(&empty), &settings());
+        let before = got.dropped.get(&DropReason::SilentBefore).copied();
+        assert!(
+            (18..=24).contains(&before.unwrap_or(0)),
+            "{:?}",
+            got.dropped
+        );
+        let lost = got.observations.iter().map(|seen| seen.attenuation_db);
+        assert!(
+            lost.clone().count() >= 16 && lost.clone().all(|db| db > 34.0),
+            "{:?}",
+            lost.collect::<Vec<_>>()
+        );
     }
 
     #[test]

@@ -1,12 +1,11 @@
 //! What an image says of the links it was made of, and what these say of it: how much each leaves unexplained, which pixels
-//! they have seen, from which directions, and how sure that makes the image.
+//! they have seen, and from which directions.
 //!
 //! Nothing is calibrated or solved here.
 
 use serde::{Deserialize, Serialize};
 
 use super::calibrate::Observation;
-use super::deviation::{DeviationInputs, deviation};
 use super::settings::ImagingSettings;
 use super::solvers::Solved;
 use super::weights::WeightRows;
@@ -28,24 +27,20 @@ pub struct ImagedLink {
     pub sd_db: f64,
     /// What the image leaves unexplained of it, dB.
     pub residual_db: f64,
-    /// The variance with which the solver took it for a measurement of the attenuation on its straight way, dB²; infinite where it
-    /// tells nothing of it.
-    pub noise_db2: f64,
 }
 
 impl ImagedLink {
     /// Returns all links of an image, in their order.
     pub(super) fn all(observations: &[Observation], solved: &Solved) -> Vec<ImagedLink> {
-        let of_link = |(link, (residual_db, noise_db2)): (&Observation, (&f64, &f64))| ImagedLink {
+        let of_link = |(link, residual_db): (&Observation, &f64)| ImagedLink {
             from: link.from,
             to: link.to,
             attenuation_db: link.attenuation_db,
             sd_db: link.variance_db2.sqrt(),
             residual_db: *residual_db,
-            noise_db2: *noise_db2,
         };
-        let told = solved.residual_db.iter().zip(&solved.noise_db2);
-        observations.iter().zip(told).map(of_link).collect()
+        let all = observations.iter().zip(&solved.residual_db);
+        all.map(of_link).collect()
     }
 
     /// Returns the straight path.
@@ -115,30 +110,6 @@ fn direction_of(link: Segment) -> usize {
     ((share * DIRECTIONS as f64) as usize) % DIRECTIONS
 }
 
-/// Returns the standard deviation of every pixel, dB/m, as the links leave it that an image was made of, each as far as it told
-/// the solver something. `None` when the numbers leave no answer. Of a solver whose images are mostly zero it is large where
-/// something is.
-///
-/// This is for images of a change: what is not known of a fitted path loss, and where there is no room for a change, is
-/// passed over.
-pub fn deviation_of(
-    links: &[ImagedLink],
-    image: &[f64],
-    settings: &ImagingSettings,
-    most_blocks: usize,
-) -> Option<Vec<f64>> {
-    let segments = links.iter().map(ImagedLink::segment);
-    let noise_db2: Vec<f64> = links.iter().map(|link| link.noise_db2).collect();
-    let given = DeviationInputs {
-        settings,
-        most_blocks,
-        rows: &WeightRows::rescaled(segments, &settings.grid, settings.weights),
-        room: &[],
-        nuisance: &[],
-    };
-    deviation(&given, &noise_db2, image)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -160,7 +131,6 @@ mod tests {
             attenuation_db: 0.0,
             sd_db: 1.0,
             residual_db: 0.0,
-            noise_db2: 1.0,
         }
     }
 
@@ -182,23 +152,6 @@ mod tests {
         let (_, lack) = coverage.least_covered(at(8.0, 4.1)).unwrap();
         assert_eq!(lack, 1.0);
         assert_eq!(coverage.least_covered(at(8.0, 8.0)), None);
-    }
-
-    #[test]
-    fn the_deviation_falls_where_a_link_has_been_and_nowhere_else() {
-        let settings = settings();
-        let sd = deviation_of(&[link((0.0, 4.1), (10.0, 4.1))], &[], &settings, 400).unwrap();
-        let at = |x_m, y_m| sd[settings.grid.pixel_at(Point::new(x_m, y_m)).unwrap()];
-        assert!(
-            at(5.0, 4.1) < 0.99 * at(5.0, 9.0),
-            "{} {}",
-            at(5.0, 4.1),
-            at(5.0, 9.0)
-        );
-        assert_eq!(
-            deviation_of(&[], &[], &settings, 400).unwrap().len(),
-            settings.grid.len()
-        );
     }
 
     #[test]

@@ -392,6 +392,8 @@ impl Imager {
             attenuation_db: link.attenuation_db,
             sd_db: link.variance_db2.sqrt(),
             residual_db: *residual_db,
+            packets: link.packets,
+            misses: link.misses,
         };
         let all = links.iter().zip(&solved.residual_db).zip(&shares);
         let mut of_links: Vec<LinkShare> = all.map(of_link).collect();
@@ -528,7 +530,8 @@ fn words(dropped: &DroppedLinks, shortest_m: f64) -> String {
         | DropReason::NeverHeard
         | DropReason::NoEmptyPartner
         | DropReason::NoPathLoss
-        | DropReason::OutsideArea => format!("{count} {}", reason.words()),
+        | DropReason::OutsideArea
+        | DropReason::SilentBefore => format!("{count} {}", reason.words()),
     };
     dropped.iter().map(part).collect::<Vec<_>>().join(", ")
 }

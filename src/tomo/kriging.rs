@@ -28,6 +28,9 @@ const REACH_BINS: f64 = 2.6;
 const NEAR_BINS: f64 = 1.6;
 /// ℓ: over this distance levels are alike, bins.
 const LENGTH_BINS: f64 = 1.5;
+/// So many of the nearest links say whether the empty sweep was silent there, and so many of them suffice, a share.
+const NEAREST: usize = 8;
+const SILENT_SHARE: f64 = 0.2;
 /// The level varies by this at least, dB².
 const LEAST_SILL_DB2: f64 = 0.05;
 /// Neighbours this near to each other say little of the sill: 1 − exp(…) is taken for this at least.
@@ -94,6 +97,15 @@ impl LevelField {
         let mean_db2 = sills.sum::<f64>() / near.len() as f64;
         let sill_db2 = mean_db2.max(0.5 * self.sill_db2(nearest.place));
         self.kriged(&near, sill_db2)
+    }
+
+    /// Returns whether the empty sweep was silent around a link, too: more than one in five of the nearest few there were.
+    pub(super) fn is_silent_around(&self, link: &Link) -> bool {
+        let at = [link.from.x_m, link.from.y_m, link.to.x_m, link.to.y_m];
+        let near = self.neighbours(&at);
+        let nearest = near.iter().take(NEAREST);
+        let silent = nearest.filter(|one| self.level(one.place).link.is_silent());
+        silent.count() as f64 > SILENT_SHARE * near.len().min(NEAREST) as f64
     }
 
     fn kriged(&self, near: &[Neighbour], sill_db2: f64) -> Option<(f64, f64)> {

@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Segment};
 
-/// Fewer misses say nothing: packets collide.
-const FEWEST_MISSES: u32 = 3;
+use super::censored::{CensoredMean, FEWEST_MISSES, censored_mean};
 
 /// The pooled measurements between two places (one bin at each end, or two fixed positions).
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -134,26 +133,16 @@ impl Link {
         }
     }
 
-    /// Returns whether it was missed so often that its mean strength says "at most": at least as often as it was heard.
-    pub fn is_at_floor(&self) -> bool {
-        self.misses >= self.packets.max(FEWEST_MISSES)
+    /// Returns whether it was never heard, and missed often enough to say so: it is weaker than the receiver's floor.
+    pub fn is_silent(&self) -> bool {
+        self.packets == 0 && self.misses >= FEWEST_MISSES
     }
 
-    /// Returns the mean strength with misses counted at the receiver's floor ([`floor_dbm`]), dBm; `None` when nothing is
-    /// known.
-    ///
-    /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
-    /// at least as many misses as packets, each counts as one packet at the floor, which bounds the
-    /// attenuation from below. A link that was never heard needs three misses to count.
-    pub fn censored_mean_dbm(&self, floor_dbm: f64) -> Option<f64> {
-        let (heard, missed) = (f64::from(self.packets), f64::from(self.misses));
-        if self.packets == 0 {
-            return (self.misses >= FEWEST_MISSES).then_some(floor_dbm);
-        }
-        if !self.is_at_floor() {
-            return Some(self.mean_dbm);
-        }
-        Some((heard * self.mean_dbm + missed * floor_dbm.min(self.mean_dbm)) / (heard + missed))
+    /// Returns the mean strength by what was heard and missed, by a receiver with this floor ([`floor_dbm`]), if one packet
+    /// varies by so much; `None` when nothing is known. Of a silent link it is the bound below which it lies.
+    pub fn censored(&self, floor_dbm: f64, packet_sd_db: f64) -> Option<CensoredMean> {
+        let heard = (self.packets, self.mean_dbm);
+        censored_mean(heard, self.misses, floor_dbm, packet_sd_db)
     }
 }
 
@@ -161,7 +150,7 @@ impl Link {
 /// the least power with which a packet was sent that was missed. One floor for all, since a floor for each power would show
 /// a change where nothing was heard, before and now.
 pub fn floor_dbm<'a>(links: impl Iterator<Item = &'a Link>, sensitivity_dbm: f64) -> f64 {
-    let silent = links.filter(|link| link.is_at_floor());
+    let silent = links.filter(|link| link.is_silent());
     let least_dbm = silent.map(|link| link.missed_power_dbm).reduce(f64::min);
     sensitivity_dbm - least_dbm.unwrap_or(0.0)
 }
@@ -169,12 +158,6 @@ pub fn floor_dbm<'a>(links: impl Iterator<Item = &'a Link>, sensitivity_dbm: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn check(packets: u32, misses: u32, expected: Option<f64>) {
-        let mut link = Link::fixed(Point::new(0.0, 0.0), Point::new(3.0, 4.0), packets, -60.0);
-        link.misses = misses;
-        assert_eq!(link.censored_mean_dbm(-90.0), expected);
-    }
 
     #[test]
     fn pooled_links_have_the_moments_of_all_packets() {
@@ -223,15 +206,7 @@ mod tests {
         };
         assert_eq!((missed.misses, alone_dbm), (3, -101.0));
         assert_eq!(floor_dbm([&missed, &silent].into_iter(), -95.0), -95.0);
-        assert_eq!(missed.censored_mean_dbm(alone_dbm), Some(-101.0));
-    }
-
-    #[test]
-    fn many_misses_pull_the_mean_to_the_sensitivity() {
-        check(4, 0, Some(-60.0));
-        check(4, 3, Some(-60.0));
-        check(4, 4, Some(-75.0));
-        check(0, 2, None);
-        check(0, 3, Some(-90.0));
+        let bound = missed.censored(alone_dbm, 1e-9).unwrap();
+        assert!((bound.mean_dbm + 101.0).abs() < 1e-6, "{bound:?}");
     }
 }

@@ -28,6 +28,10 @@ pub struct LinkShare {
     pub sd_db: f64,
     /// What the whole image leaves unexplained of it, dB.
     pub residual_db: f64,
+    /// Packets of it that were heard, both directions together.
+    pub packets: u32,
+    /// Packets of it that were expected and not heard.
+    pub misses: u32,
 }
 
 /// A pixel and all that made it.

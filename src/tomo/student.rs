@@ -2,6 +2,10 @@
 
 /// ν: degrees of freedom of the noise.
 pub(super) const DEGREES: f64 = 4.0;
+/// The median of z² when κ is 1.
+const MEDIAN_SQUARE: f64 = 0.55;
+/// The least κ that is told.
+const LEAST_SCALE: f64 = 1e-9;
 /// Rounds in which κ is found.
 const NOISE_ROUNDS: usize = 15;
 
@@ -30,6 +34,18 @@ pub(super) fn noise_scale(squares: &[f64], start: f64, least: f64) -> f64 {
     kappa
 }
 
+/// Returns the κ under which squares of residuals over variances are most probable, whatever it was thought to be; 1 when there
+/// are none.
+pub(super) fn most_probable_scale(squares: &[f64]) -> f64 {
+    let mut sorted = squares.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted
+        .get(sorted.len() / 2)
+        .copied()
+        .unwrap_or(MEDIAN_SQUARE);
+    noise_scale(squares, median / MEDIAN_SQUARE + LEAST_SCALE, LEAST_SCALE)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,6 +62,8 @@ mod tests {
         assert!(noise_scale(&wild, 1.0, 0.25) < 1.1 * kappa);
         assert_eq!(noise_scale(&[0.0; 3], 1.0, 0.25), 0.25);
         assert_eq!(noise_scale(&[], 2.0, 0.25), 2.0);
+        assert!((most_probable_scale(&squares) - kappa).abs() < 0.01 * kappa);
+        assert!((most_probable_scale(&[]) - 1.0).abs() < 1e-6);
     }
 
     #[test]

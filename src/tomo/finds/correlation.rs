@@ -21,7 +21,7 @@ const ALIKE_BINS: f64 = 4.6;
 const CLIP: f64 = 3.0;
 /// A lag with fewer pairs says nothing; one with so many counts half.
 const FEWEST_PAIRS: u32 = 50;
-const HALF_PAIRS: f64 = 200.0;
+const HALF_PAIRS: f64 = 50.0;
 /// A correlation lies within these.
 const RHO: (f64, f64) = (-0.05, 0.9);
 /// A link with an end farther from the ring than this, bins, was not driven along it.
@@ -246,6 +246,8 @@ mod tests {
                 to: at(b_m),
                 attenuation_db: 0.0,
                 variance_db2: 1.0,
+                packets: 10,
+                misses: 0,
                 is_at_floor: false,
             })
             .collect()

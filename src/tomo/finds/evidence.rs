@@ -18,8 +18,6 @@ use crate::tomo::person::PersonLink;
 use crate::tomo::student::{self, DEGREES};
 use crate::tomo::{FindSettings, Observation};
 
-/// The median of z² when κ is 1.
-const MEDIAN_SQUARE: f64 = 0.55;
 /// Rounds of the refinement, and tries to take a step in one.
 const ROUNDS: usize = 12;
 const TRIES: usize = 5;
@@ -115,15 +113,12 @@ impl<'a> Evidence<'a> {
     /// Finds κ with some targets taken out.
     pub(super) fn scale_noise(&mut self, targets: &[Target]) {
         let residual_db = self.residual_db(targets);
-        let squares: Vec<f64> = residual_db
-            .iter()
-            .zip(&self.variance_db2)
-            .map(|(residual_db, variance_db2)| residual_db * residual_db / variance_db2)
+        let links = residual_db.iter().zip(&self.variance_db2).enumerate();
+        let squares: Vec<f64> = links
+            .filter(|(link, (rest_db, _))| self.is_telling(*link, **rest_db))
+            .map(|(_, (rest_db, variance_db2))| rest_db * rest_db / variance_db2)
             .collect();
-        let mut sorted = squares.clone();
-        sorted.sort_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-        let kappa = student::noise_scale(&squares, median / MEDIAN_SQUARE + 1e-9, 1e-9);
+        let kappa = student::most_probable_scale(&squares);
         self.sd_db = self
             .variance_db2
             .iter()

@@ -38,6 +38,8 @@ fn noisy_sweep(links: usize, persons: &[Point], seed: u64, noise_db: f64) -> Vec
             to,
             attenuation_db: clean_db + noise_db * noise.normal(),
             variance_db2: 4.0,
+            packets: 10,
+            misses: 0,
             is_at_floor: false,
         });
     }
@@ -254,6 +256,8 @@ fn who_may_stand_anywhere_along_the_links_is_not_found() {
             to,
             attenuation_db: clean_db + 0.5 * noise.normal(),
             variance_db2: 0.25,
+            packets: 10,
+            misses: 0,
             is_at_floor: false,
         }
     };

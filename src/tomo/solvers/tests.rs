@@ -62,6 +62,8 @@ fn observed(segments: &[Segment], image: &[f64], sd_db: f64, seed: u64) -> Vec<O
             to: link.to,
             attenuation_db: response::shown(db).attenuation_db + sd_db * noise.normal(),
             variance_db2: 1.0,
+            packets: 10,
+            misses: 0,
             is_at_floor: false,
         })
         .collect()
