@@ -226,9 +226,9 @@ impl Board {
         if self.events.last() != last {
             self.changes.insert(Subject::Events);
         }
-        let shown = self.shown_stops(sender);
+        let before = (self.shown_stops(sender), self.view.lease(now));
         self.view.hear(now, heard);
-        if self.shown_stops(sender) != shown {
+        if (self.shown_stops(sender), self.view.lease(now)) != before {
             self.changes.insert(Subject::Orders);
         }
         if is_ours {

@@ -19,8 +19,8 @@ use super::{Link, Observation};
 
 /// Ends are moved by this to either side to tell how steep the level is, bins.
 const MOVED_BINS: f64 = 0.4;
-/// Displacements that are compared, metres: none, and up to the last one.
-const STEP_M: f64 = 0.01;
+/// Displacements that are compared, bins: none, and up to the last one.
+const STEP_BINS: f64 = 0.02;
 const STEPS: u32 = 40;
 
 /// Adds to the variances of observations what it costs that the ends of their links, which were pooled in bins of this size, are
@@ -43,7 +43,7 @@ pub(super) fn add_displacement(
             *sum += slope * slope;
         }
     }
-    let sd_m = displacement_m(observations, &slopes);
+    let sd_m = displacement_m(observations, &slopes, bin_m);
     for (one, slope) in observations.iter_mut().zip(slopes) {
         one.variance_db2 += sd_m * sd_m * slope;
     }
@@ -75,7 +75,7 @@ fn moved(links: &[Link], end: End, by_m: f64) -> Vec<Link> {
 }
 
 /// Returns σ, by the sums of squares of the slopes of each link, dB²/m².
-fn displacement_m(observations: &[Observation], slopes: &[f64]) -> f64 {
+fn displacement_m(observations: &[Observation], slopes: &[f64], bin_m: f64) -> f64 {
     let loss = |sd_m: &f64| {
         let variances = observations.iter().zip(slopes);
         let variances: Vec<f64> = variances
@@ -95,7 +95,7 @@ fn displacement_m(observations: &[Observation], slopes: &[f64]) -> f64 {
             });
         terms.sum::<f64>()
     };
-    let candidates = (0..=STEPS).map(|step| STEP_M * f64::from(step));
+    let candidates = (0..=STEPS).map(|step| bin_m * STEP_BINS * f64::from(step));
     let judged = candidates.map(|sd_m| (loss(&sd_m), sd_m));
     let best = judged.reduce(|best, next| if next.0 < best.0 { next } else { best });
     best.map_or(0.0, |(_, sd_m)| sd_m)

@@ -8,7 +8,7 @@ use tomoswarm_proto::{
 
 use super::*;
 use crate::dash::newest_image::EARLIER_MAX;
-use crate::operator::tests_support::{at, heard, state};
+use crate::operator::tests_support::{at, heard, report, state};
 
 const LAYER: LayerId = LayerId {
     vehicle: VehicleId(1),
@@ -100,6 +100,20 @@ fn a_state_changes_the_row_of_its_vehicle_only_when_it_says_more_than_where_it_i
         ..moved
     };
     assert_eq!(changes(&mut board, 0.4, Message::State(ordered)), row);
+}
+
+#[test]
+fn a_lease_that_the_ground_station_says_is_told_at_once() {
+    let mut board = board();
+    let said = |number| {
+        let mut report = report();
+        report.lease.number = number;
+        Message::Report(report)
+    };
+    changes(&mut board, 0.0, said(0));
+    assert!(changes(&mut board, 1.0, said(1)).contains(&Subject::Orders));
+    assert!(!changes(&mut board, 2.0, said(1)).contains(&Subject::Orders));
+    assert!(changes(&mut board, 3.0, said(2)).contains(&Subject::Orders));
 }
 
 #[test]
