@@ -350,11 +350,9 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
             output()
         );
     }
-    // It has left with the first objection, that of the node that it connected to.
-    assert!(
-        swarm
-            .log_of(GROUND)
-            .contains("vehicle 3 is refused: another venue file")
-    );
+    // It has left with the first objection; on a busy machine that need not be the one of the node that it connected to.
+    let refused = "vehicle 3 is refused: another venue file";
+    let mut nodes = [GROUND, vehicle(1), vehicle(2)].into_iter();
+    assert!(nodes.any(|node| swarm.log_of(node).contains(refused)));
     swarm.finish();
 }
