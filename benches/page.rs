@@ -28,6 +28,8 @@ use tomoswarm::dash::board::Board;
 use tomoswarm::dash::frame::FrameKind;
 use tomoswarm::dash::gate::{Gate, PageId};
 use tomoswarm::dash::page_server::{PageEffect, PageServer};
+use tomoswarm::dash::texts::place;
+use tomoswarm::dash::told::Showing;
 use tomoswarm::geom::Lattice;
 use tomoswarm::operator::HeardMessage;
 use tomoswarm::sim::Scenario;
@@ -50,7 +52,8 @@ fn server(scenario: &Scenario) -> PageServer {
     let venue = scenario.sim().venue.clone();
     let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
     let gate = Gate::new(LOOK.to_owned(), LOOK.replace('0', "1"));
-    PageServer::new(json!({}), venue, board, gate)
+    let place = place(&venue, Showing::Live);
+    PageServer::new(place, venue, board, gate)
 }
 
 fn heard(scenario: &Scenario, mut hears: impl FnMut(Time, &HeardMessage) + 'static) {

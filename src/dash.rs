@@ -1,7 +1,7 @@
 //! The operator's page without its network: what it shows, in which frames, to whom they go when, and who may do what.
 //!
 //! [`board`] keeps the newest of everything that was heard, [`outbox`] chooses what goes to one page next, [`frame`] says which
-//! bytes that is, [`timetable`], [`radio`] and [`events`] make of what was heard the plans against time, who hears whom, and
+//! bytes that is and [`told`] what texts say, [`timetable`], [`radio`] and [`events`] make of what was heard the plans against time, who hears whom, and
 //! what happened, [`links`] and [`why`] what made a pixel, [`marks`] where
 //! somebody truly stands, [`scene_mesh`] what
 //! stands in a simulation, [`cell_view`] who has seen a cell, [`ghost`] where another run was, [`history`] keeps what was
@@ -38,5 +38,6 @@ pub mod scene_mesh;
 mod shown_cells;
 pub mod texts;
 pub mod timetable;
+pub mod told;
 pub mod track;
 pub mod why;

@@ -1,6 +1,8 @@
 // Begins a mission: its kind, its keys with their meaning as the server declares them, places pointed at in the scene, and the
 // run that it is compared with. The server judges all of it by the rules of the command line; the page shows the command.
 
+/** @import { Model } from "./model.js" */
+
 import { ANSWERED_WITHIN_MS } from "./pace.js";
 import { post, say } from "./stop.js";
 
@@ -8,7 +10,7 @@ import { post, say } from "./stop.js";
 const DRAWN = { waypoints_m: "Add places: point at the scene", centre_m: "Draw it: point at the middle, then at a side" };
 
 export class BeginPanel {
-  constructor(model, fleet, scene, token) {
+  constructor(/** @type {Model} */ model, fleet, scene, token) {
     this.model = model;
     this.fleet = fleet;
     this.scene = scene;

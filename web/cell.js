@@ -1,6 +1,9 @@
 // Who has seen a cell of the map, what each says of it, and since when: of the cell where the pointer rests or taps, or, by a key, of
 // that in the middle of what is seen. Asked from the server, which knows the layers; also of an earlier moment.
 
+/** @import { Model } from "./model.js" */
+/** @import { ToldCell } from "./told" */
+
 const RESTS_MS = 200;
 /** What is shown is asked for again this often: vehicles go on. */
 const AGAIN_MS = 1000;
@@ -9,7 +12,7 @@ const ANSWERED_WITHIN_MS = 5000;
 const NONE = "No vehicle says anything of it.";
 
 export class CellView {
-  constructor(model, plane, view, token) {
+  constructor(/** @type {Model} */ model, plane, view, token) {
     this.model = model;
     this.plane = plane;
     this.view = view;
@@ -91,7 +94,7 @@ export class CellView {
     this.mark(null);
   }
 
-  show({ at, told, leftOut, at_s }, slice) {
+  show(/** @type {ToldCell} */ { at, told, leftOut, at_s }, slice) {
     const { map } = this.plane;
     const [x, y] = at.map((metres) => metres.toFixed(2));
     const isAll = slice === null && map.known().length > 1;

@@ -1,5 +1,7 @@
 // What both views of the scene draw alike: the colours of cells and of excess losses, and what a cell is.
 
+/** @import { Model } from "./model.js" */
+
 export const SIDE = 32;
 export const OCCUPIED_FROM = 9;
 export const FREE_TO = -8;
@@ -34,7 +36,7 @@ export function css(colour, share) {
 }
 
 /** The pairs that are heard, each way once, between vehicles whose places are known: both ends, and the greater excess. */
-export function liveLinks(model, now_ms, newest_ms = 5000) {
+export function liveLinks(/** @type {Model} */ model, now_ms, newest_ms = 5000) {
   const links = new Map();
   for (const pair of model.pairs.values()) {
     const [one, other] = [model.states.get(pair.receiver), model.states.get(pair.transmitter)];

@@ -1,6 +1,8 @@
 // What was found in the images of a run: each find's ellipse of one standard deviation over the picture, how it shrinks, and its
 // deviation, strength or probability against time. Finds of one place in several images are one, with a number and a shape.
 
+/** @import { ImageFinds } from "./told" */
+
 import { ellipsePlaces } from "./draw.js";
 
 /** Finds of two images that are nearer than this are one. */
@@ -17,7 +19,7 @@ const BORDER = { left: 44, right: 26, top: 10, bottom: 30 };
 const APART = 42;
 
 /** The images of the newest one's run, oldest first, each find with the number of its place. */
-export function numbered({ finds = [], earlier = [], run, laps, at_s }) {
+export function numbered(/** @type {Pick<ImageFinds, "finds" | "earlier" | "run" | "laps" | "at_s">} */ { finds, earlier, run, laps, at_s }) {
   const images = [...earlier, { finds, run, laps, at_s }].filter((image) => image.run === run);
   const places = [];
   return images.map((image) => {

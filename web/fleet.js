@@ -2,6 +2,9 @@
 // vehicle stands whole in a row of its own below the vehicle's, as wide as the table; that one names it to a screen reader, too.
 // Rows stand in the order of the column whose head was pressed, and change places only while nobody points at them.
 
+/** @import { Model } from "./model.js" */
+/** @import { ToldVehicle, VehicleMission } from "./told" */
+
 import { setText } from "./pace.js";
 import { say } from "./stop.js";
 
@@ -24,7 +27,7 @@ const SORTED_EVERY_MS = 2000;
 export const GROUND_SILENT_MS = 5000;
 
 export class Fleet {
-  constructor(model) {
+  constructor(/** @type {Model} */ model) {
     this.model = model;
     this.selected = new Set();
     this.rows = new Map();
@@ -154,17 +157,17 @@ export class Fleet {
   showRow(id, now_ms) {
     const { row, troubles } = this.rows.get(id);
     const state = this.model.states.get(id);
-    const vehicle = this.model.vehicles.get(id) ?? {};
-    const health = vehicle.health;
+    const vehicle = this.model.vehicles.get(id);
+    const health = vehicle?.health;
     const isSilent = this.model.isSilent(id, now_ms);
     const age_s = state ? (now_ms - state.at_ms) / 1000 : null;
     const wrong = troublesOf(vehicle);
     const texts = [
       `${shape(state, isSilent)} ${id}`,
       isSilent ? (state ? `silent for ${age_s.toFixed(0)} s` : "not heard") : this.doing(state),
-      missionText(vehicle.mission),
+      missionText(vehicle?.mission),
       state?.battery == null ? "–" : `${Math.round(state.battery * 100)} %`,
-      [vehicle.ordered ?? "–", this.fateOf(id)].filter(Boolean).join(": "),
+      [vehicle?.ordered ?? "–", this.fateOf(id)].filter(Boolean).join(": "),
       age_s === null ? "–" : `${age_s.toFixed(1)} s`,
       state?.waiting == null ? "–" : String(state.waiting),
       health ? health.hears.join(", ") || "nobody" : "–",
@@ -229,7 +232,7 @@ function shape(state, isSilent) {
   return state.isAtRest ? "■" : "▲";
 }
 
-function missionText(mission) {
+function missionText(/** @type {VehicleMission} */ mission) {
   if (!mission) return "–";
   const share = mission.share === null ? "" : `${Math.round(mission.share * 100)} %`;
   const end = mission.end ? `ended: ${mission.end}` : mission.phase;
@@ -261,8 +264,8 @@ function troublesRow(id) {
   return row;
 }
 
-function troublesOf(vehicle) {
-  const all = [vehicle.misfit, ...(vehicle.health?.troubles ?? [])].filter(Boolean);
-  const steered = vehicle.control && vehicle.control !== "this software" ? [`steered by ${vehicle.control}`] : [];
+function troublesOf(/** @type {ToldVehicle} */ vehicle) {
+  const all = [vehicle?.misfit, ...(vehicle?.health?.troubles ?? [])].filter(Boolean);
+  const steered = vehicle?.control && vehicle.control !== "this software" ? [`steered by ${vehicle.control}`] : [];
   return [...steered, ...all];
 }

@@ -1,6 +1,9 @@
 // Another run beside the one that is shown: where its vehicles were at the same time of the run, and how they came there. Both runs
 // lie over each other from their first starts on, which the server has reckoned in. Loaded once, when the server says that there is one.
 
+/** @import { Model } from "./model.js" */
+/** @import { ToldGhost } from "./told" */
+
 import { ANSWERED_WITHIN_MS } from "./pace.js";
 
 const NUMBERS = 5;
@@ -9,7 +12,7 @@ const GAP_S = 30;
 
 export class Ghost {
   /** `wanted` is told when it has come. */
-  constructor(model, token, wanted) {
+  constructor(/** @type {Model} */ model, token, wanted) {
     this.model = model;
     this.token = token;
     this.wanted = wanted;
@@ -31,7 +34,9 @@ export class Ghost {
     this.ways = [];
     try {
       const answer = await fetch("ghost", { headers: { Authorization: `Bearer ${this.token}` }, signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
-      if (answer.ok) this.ways = (await answer.json()).vehicles.map(({ vehicle, poses }) => ({ id: vehicle, poses: unpacked(poses) }));
+      /** @type {ToldGhost} */
+      const told = answer.ok ? await answer.json() : { name: "", vehicles: [] };
+      this.ways = told.vehicles.map(({ vehicle, poses }) => ({ id: vehicle, poses: unpacked(poses) }));
       this.wanted();
     } catch {
       // The next connection brings it.

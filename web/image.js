@@ -2,6 +2,8 @@
 // on a scale of its own looks like something found; the mean of what is uncertain is paler, and hatched where the links have told
 // nothing. What truly stands in a simulation can be drawn over it.
 
+/** @import { Model } from "./model.js" */
+
 import { TRUTH } from "./draw.js";
 import { drawFindsOver, drawHistory, findText, numbered, placesOn } from "./finds.js";
 
@@ -11,11 +13,13 @@ const BELOW_ZERO = [0, 160, 150];
 const PALEST = 0.25;
 /** A deviation of so much of the prior's is as large: what comes over the feed is rounded. */
 const AS_BEFORE = 0.98;
+/** What was found where nothing was said of any image. */
+const NOTHING = { finds: [], earlier: [], run: 0, laps: 0, at_s: 0 };
 /** Lines of a hatch are so far apart at least, pixels. */
 const HATCH_APART = 6;
 
 export class ImagePanel {
-  constructor(model) {
+  constructor(/** @type {Model} */ model) {
     this.model = model;
     this.wanted = () => {};
     this.isChosen = false;
@@ -59,8 +63,8 @@ export class ImagePanel {
   }
 
   showFinds(subject) {
-    const known = this.model.finds.get(subject) ?? {};
-    const earlier = known.earlier ?? [];
+    const known = this.model.finds.get(subject) ?? NOTHING;
+    const { earlier } = known;
     const images = numbered(known);
     const measure = document.getElementById("finds-measure");
     document.getElementById("finds").replaceChildren(...images.at(-1).finds.map((find) => item(`find ${find.number} at ${findText(find)}`)));
@@ -109,7 +113,7 @@ function greatest(values) {
 }
 
 /** A canvas with a pixel for each of the image, north up; over a map, what is near zero lets it through. */
-export function imageCanvas(model, image, plane, isOverMap) {
+export function imageCanvas(/** @type {Model} */ model, image, plane, isOverMap) {
   const scale = plane === "significance" ? SIGNIFICANCE_MOST : scaleOf();
   const of = `${image.version} ${plane} ${isOverMap} ${scale}`;
   image.pictures ??= new Map();
@@ -191,7 +195,7 @@ function valueOf(image, plane, index) {
 }
 
 /** The colour of a share of the scale; `sure` = how much of it stays. */
-function pixelColour(model, share, sure, isOverMap) {
+function pixelColour(/** @type {Model} */ model, share, sure, isOverMap) {
   if (Number.isNaN(share)) return [0, 0, 0, 0];
   const colours = model.place.heat;
   const level = Math.round(Math.min(1, Math.max(0, share)) * (colours.length - 1));

@@ -1,6 +1,9 @@
 // What stands in the scene in three dimensions, layer by layer: each is made anew when what it shows has changed, and not before.
 // The layers that are switched on are those of the view from above.
 
+/** @import { Model } from "./model.js" */
+/** @import { SceneMesh } from "./told" */
+
 import { css, ellipsePlaces, excessColour, liveLinks, OCCUPIED_FROM, SIDE } from "./draw.js";
 import { imageCanvas } from "./image.js";
 import { Labels } from "./labels3d.js";
@@ -36,7 +39,7 @@ const MARK_M = 1.7;
 const Z = { map: 0, image: 0.05, area: 0.02, track: 0.07, plan: 0.09, link: 0.3, ring: 0.06 };
 
 export class Layers {
-  constructor(model, plane, scene, token, wanted) {
+  constructor(/** @type {Model} */ model, plane, scene, token, wanted) {
     this.model = model;
     this.plane = plane;
     this.scene = scene;
@@ -85,8 +88,7 @@ export class Layers {
     // Seen from far away, what is thin or small is drawn larger.
     this.width = riding === null ? Math.max(0.05, Math.round(camera.position.z * 0.6) / 100) : 0.02;
     this.layer("place", true, `${model.place.venue} ${theme}`, () => this.place());
-    const homes = model.place.homes.map((home, index) => [home, `home ${index + 1}`]);
-    if (riding === null) for (const [home, text] of homes) this.labels.put(text, home[0] + 0.4, home[1] - 0.4, 0.05, 11);
+    if (riding === null) model.place.homes.forEach(([x, y], index) => this.labels.put(`home ${index + 1}`, x + 0.4, y - 0.4, 0.05, 11));
     this.layer("map", on("map"), `${plane.map.version} ${model.generation}`, () => this.map());
     this.showWalls(on("map"));
     this.showImage(on("image"));
@@ -285,7 +287,9 @@ export class Layers {
 
   async load() {
     const answer = await fetch("mesh", { headers: { Authorization: `Bearer ${this.token}` }, signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
-    return answer.ok ? (await answer.json()).objects : [];
+    /** @type {SceneMesh} */
+    const told = answer.ok ? await answer.json() : { objects: [] };
+    return told.objects;
   }
 
   /** The links that made a pixel, by what each adds to it. */

@@ -1,12 +1,14 @@
 // What happened, newest first: changes, troubles, orders with their fates, marks, lines of nodes' own logs; by vehicle and by kind. Texts are set as text only.
 
+/** @import { Model } from "./model.js" */
+
 import { timeOfDay } from "./model.js";
 
 const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦", mark: "⌖", note: "–" };
 const SHOWN_MOST = 200;
 
 export class LogPanel {
-  constructor(model) {
+  constructor(/** @type {Model} */ model) {
     this.model = model;
     this.wanted = () => {};
     this.vehicle = document.getElementById("log-vehicle");

@@ -1,6 +1,8 @@
 // Where somebody truly stands: the marks that are known, how far the nearest find is from each, and a form that marks a place or
 // takes a mark back. A place is typed, or pointed at in the scene. It moves nobody; the page shows the command.
 
+/** @import { Model } from "./model.js" */
+
 import { post, say } from "./stop.js";
 
 /** The colour of a mark in the scene, and its size: that of a person, metres. */
@@ -14,7 +16,7 @@ const STATES = {
 };
 
 export class MarkPanel {
-  constructor(model, scene) {
+  constructor(/** @type {Model} */ model, scene) {
     this.model = model;
     this.scene = scene;
     this.wanted = () => {};
@@ -111,7 +113,7 @@ export class MarkPanel {
 }
 
 /** The marks that both views of the scene draw, each with a word: those that are known, on their way, and one that is filled in. */
-export function marksOf(model, candidate) {
+export function marksOf(/** @type {Model} */ model, candidate) {
   const { marks, given } = model.marks;
   const present = model.ground?.run;
   const known = marks.map(({ run, at, state }) => {

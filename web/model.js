@@ -1,5 +1,7 @@
 // The newest of everything that the feed has said, as plain values. Draws nothing.
 
+/** @import * as told from "./told" */
+
 import { KIND, PAIR, STATE, STRIPE, TILE } from "./frames.js";
 import { bytesOf, readCells, readFrame, readRecord } from "./decode.js";
 
@@ -16,12 +18,15 @@ const TRACK_STEP_M = 0.05;
 
 export class Model {
   constructor() {
+    /** @type {told.Welcome} */
     this.place = null;
     this.changed = new Set();
     this.changedTiles = new Set();
     /** Counts how often all was forgotten. */
     this.generation = 0;
-    this.moment = { at_s: 0, from_s: 0, to_s: 0, speed: null };
+    /** @type {told.Moment} */
+    this.moment = { at_s: 0, from_s: 0, to_s: 0, speed: null, isAnew: false, isWhole: true };
+    /** @type {told.Marker[]} */
     this.markers = [];
     /** What was forgotten comes anew, and not all of it is there. */
     this.isFilling = false;
@@ -39,24 +44,36 @@ export class Model {
   forget() {
     this.generation += 1;
     this.states = new Map();
+    /** @type {Map<number, told.ToldVehicle>} */
     this.vehicles = new Map();
     /** The ways that vehicles are committed to, without where they are. */
+    /** @type {Map<number, [number, number][]>} */
     this.ways = new Map();
+    /** @type {Map<number, told.ToldPlan>} */
     this.plans = new Map();
+    /** @type {Map<number, told.ToldLook & { at_ms: number }>} */
     this.looks = new Map();
     this.tracks = new Map();
     this.tiles = new Map();
     this.images = new Map();
+    /** @type {Map<number, told.ImageFinds>} */
     this.finds = new Map();
+    /** @type {told.Ground & { at_ms: number }} */
     this.ground = null;
     this.pairs = new Map();
     this.history = new Map();
     /** The plans against time, and how far vehicles are in them; `timetable` is both, of one revision. */
+    /** @type {told.ToldTimetable} */
     this.table = null;
+    /** @type {told.ToldProgress} */
     this.progress = null;
+    /** @type {told.ToldTimetable & { reached_s: number, rows: (told.TimetableRow & told.ProgressRow)[] }} */
     this.timetable = null;
+    /** @type {(told.ToldEvent & { at: Date })[]} */
     this.events = [];
+    /** @type {told.Marks} */
     this.marks = { marks: [], given: [] };
+    /** @type {told.Orders} */
     this.orders = { isLinked: true, stops: [], orders: [], seat: null, lease: 0 };
     this.changedTiles.clear();
     this.texts.clear();
@@ -134,7 +151,7 @@ export class Model {
   }
 
   /** Where a vehicle has been until now, before what this page has seen itself. */
-  takeTrack({ id, places_cm }) {
+  takeTrack(/** @type {told.ToldTrack} */ { id, places_cm }) {
     const track = [];
     for (let i = 0; i < places_cm.length; i += 2) track.push([places_cm[i] / 100, places_cm[i + 1] / 100]);
     this.tracks.set(id, [...track, ...(this.tracks.get(id) ?? [])].slice(-TRACK_PLACES));
@@ -170,7 +187,7 @@ export class Model {
   }
 
   /** Events come once; a new connection brings all that are kept. Those of no live swarm have the run's time. */
-  takeEvents(events) {
+  takeEvents(/** @type {told.ToldEvent[]} */ events) {
     for (const event of events) this.events.push({ ...event, at: new Date(this.date_ms(this.shown_ms - event.age_s * 1000)) });
     // Lines of logs are many: where they are more than half they go first.
     for (let more = this.events.length - EVENTS_MOST; more > 0; more--) {
@@ -181,7 +198,7 @@ export class Model {
   }
 
   /** A connection begins, perhaps to a server that was started anew. */
-  takePlace(place) {
+  takePlace(/** @type {told.Welcome} */ place) {
     this.forget();
     const isSame = this.place?.venue === place.venue && this.place?.showing === place.showing;
     if (!isSame) this.presentHistory = new Map();
@@ -192,7 +209,7 @@ export class Model {
   }
 
   /** Which moment is shown; when all comes anew, what is known is forgotten. */
-  takeMoment(moment) {
+  takeMoment(/** @type {told.Moment} */ moment) {
     if (moment.isAnew) this.forget();
     this.moment = moment;
     if (moment.isAnew && this.isPresent()) this.history = this.presentHistory;
@@ -251,7 +268,7 @@ export class Model {
   }
 
   /** The plans against time with how far vehicles are in them, as far as that is of the same plans. */
-  takeTimetable(table, progress) {
+  takeTimetable(/** @type {told.ToldTimetable} */ table, /** @type {told.ToldProgress} */ progress) {
     [this.table, this.progress] = [table, progress];
     const isOfIt = table && progress && table.run === progress.run && table.revision === progress.revision;
     const said = new Map((isOfIt ? progress.rows : []).map((row) => [row.vehicle, row]));

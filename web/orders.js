@@ -1,5 +1,7 @@
 // What makes vehicles move: buttons that are held for a second, the seat, and how orders fared.
 
+/** @import { Model } from "./model.js" */
+
 import { CutMotors } from "./cut.js";
 import { setText } from "./pace.js";
 import { post, say } from "./stop.js";
@@ -8,7 +10,7 @@ const HELD_MS = 1000;
 const RENEW_MS = 5000;
 
 export class Orders {
-  constructor(model, fleet) {
+  constructor(/** @type {Model} */ model, fleet) {
     this.model = model;
     this.fleet = fleet;
     /** Whether the server is there: a seat that is renewed in vain takes up the connections that Stop needs. */

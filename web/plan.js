@@ -1,13 +1,15 @@
 // The plans against time: a row for each vehicle, a box for each stop, an arrow for each wait, where the swarm is now, and the
 // chain of stops that takes longest. Times are those of one steady speed, which the server says.
 
+/** @import { Model } from "./model.js" */
+
 const ROW = 30;
 const TOP = 22;
 const LEFT = 44;
 const STOP_PIXELS = 14;
 
 export class PlanPanel {
-  constructor(model) {
+  constructor(/** @type {Model} */ model) {
     this.model = model;
     this.canvas = document.getElementById("gantt");
     this.wanted = () => {};

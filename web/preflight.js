@@ -1,12 +1,14 @@
 // The checks before a start, as `tomoswarm preflight` makes them, asked of the server while they are looked at: those of the moment
 // that is shown.
 
+/** @import { Model } from "./model.js" */
+
 const AGAIN_MS = 2000;
 const ANSWERED_WITHIN_MS = 4000;
 const SHAPES = { go: "✓ go", unknown: "? not known", "no-go": "✖ NO-GO" };
 
 export class PreflightPanel {
-  constructor(model, token) {
+  constructor(/** @type {Model} */ model, token) {
     this.model = model;
     this.token = token;
     this.asked_ms = -Infinity;

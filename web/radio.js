@@ -1,5 +1,7 @@
 // Who hears whom: a matrix of receivers (rows) and transmitters (columns), and the last strengths of one pair in both directions.
 
+/** @import { Model } from "./model.js" */
+
 /** A pair without a sample for so long is old. */
 const OLD_AFTER_MS = 5000;
 /** Strengths further apart than this are not joined by a line. */
@@ -14,7 +16,7 @@ const PLANES = {
 };
 
 export class RadioPanel {
-  constructor(model) {
+  constructor(/** @type {Model} */ model) {
     this.model = model;
     this.chosen = null;
     this.wanted = () => {};

@@ -1,6 +1,8 @@
 // The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds, marks. x to
 // the right, y up, metres.
 
+/** @import { Model } from "./model.js" */
+
 import { css, ellipsePlaces, excessColour, liveLinks, SIDE, TRUTH } from "./draw.js";
 import { imageCanvas } from "./image.js";
 import { MARK, MARK_RADIUS_M, marksOf } from "./marks.js";
@@ -14,7 +16,7 @@ const ALOFT_M = 0.5;
 const TAP_PIXELS = 5;
 
 export class Scene {
-  constructor(model) {
+  constructor(/** @type {Model} */ model) {
     this.model = model;
     this.canvas = document.getElementById("plane");
     this.map = new MapTiles(model, () => this.wanted());

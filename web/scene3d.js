@@ -1,6 +1,8 @@
 // The scene in three dimensions: the camera that flies, orbits or rides with a vehicle, and drawing on demand. What is drawn is in
 // layers3d.js. x east, y north, z up, metres.
 
+/** @import { Model } from "./model.js" */
+
 import { Layers } from "./layers3d.js";
 import { AmbientLight, Color, DirectionalLight, OrbitControls, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "./vendor/three.js";
 
@@ -19,7 +21,7 @@ const MOVES = {
 };
 
 export class Space {
-  constructor(model, plane, token) {
+  constructor(/** @type {Model} */ model, plane, token) {
     this.model = model;
     this.plane = plane;
     this.canvas = document.getElementById("space");

@@ -1,5 +1,7 @@
 // What is set, with the meaning of each key as it is declared, searched by words; and the files of runs, saved on this machine.
 
+/** @import { Model } from "./model.js" */
+
 import { imageCanvas } from "./image.js";
 import { ANSWERED_WITHIN_MS } from "./pace.js";
 
@@ -9,7 +11,7 @@ const LOADS_EVERY_MS = 5000;
 const SAVED_WITHIN_MS = 60_000;
 
 export class SettingsPanel {
-  constructor(model, scene, token) {
+  constructor(/** @type {Model} */ model, scene, token) {
     this.model = model;
     this.scene = scene;
     this.token = token;

@@ -1,12 +1,14 @@
 // The merged map as pictures, a canvas a tile, of one slice of altitude or of all together: then what is occupied in any slice is
 // occupied, and free what is free in some and occupied in none. Chosen by a list or by a key.
 
+/** @import { Model } from "./model.js" */
+
 import { cellColour, FREE_TO, OCCUPIED_FROM, SIDE } from "./draw.js";
 import { say } from "./stop.js";
 
 export class MapTiles {
   /** `wanted` is told when another slice is chosen. */
-  constructor(model, wanted) {
+  constructor(/** @type {Model} */ model, wanted) {
     this.model = model;
     this.wanted = wanted;
     /** The slice that is shown; null = all. */

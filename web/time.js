@@ -1,12 +1,14 @@
 // Which moment is shown: a bar with marks at troubles, orders, images and where somebody was marked; back, on at any speed, and to what is new.
 
+/** @import { Model } from "./model.js" */
+
 const KINDS = { trouble: { height: 1, of: "--stop" }, order: { height: 0.75, of: "--accent" }, image: { height: 0.5, of: "--good" }, mark: { height: 0.75, of: "--good" } };
 /** A moment so near to the end is the end, seconds. */
 const NEAR_S = 0.05;
 const ANSWERED_WITHIN_MS = 500;
 
 export class TimeBar {
-  constructor(model, feed) {
+  constructor(/** @type {Model} */ model, feed) {
     this.model = model;
     this.feed = feed;
     this.bar = document.getElementById("time-at");

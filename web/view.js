@@ -1,13 +1,15 @@
 // Which view of the scene is seen: from above, in three dimensions, or with a vehicle. What 3D needs is loaded when it is asked
 // for first; where it cannot be (no WebGL, no three.js), the view from above stays, and a line says why.
 
+/** @import { Model } from "./model.js" */
+
 import { say } from "./stop.js";
 
 const NAMES = { plane: "2D", space: "3D", ride: "ride" };
 
 export class SceneView {
   /** `chosen` is told when another view is seen. */
-  constructor(model, fleet, plane, token) {
+  constructor(/** @type {Model} */ model, fleet, plane, token) {
     this.model = model;
     this.fleet = fleet;
     this.plane = plane;

@@ -1,6 +1,9 @@
 // Why a pixel is dark: its value as the sum of what each link adds, asked from the server, told in words and drawn through the scene.
 // The picture is pointed at, or the scene where it lies, or a place is given.
 
+/** @import { Model } from "./model.js" */
+/** @import { Why, WhyLink } from "./told" */
+
 import { ANSWERED_WITHIN_MS } from "./pace.js";
 
 const CRIMSON = [185, 10, 50];
@@ -12,7 +15,7 @@ const DRAWN = 60;
 const LEAST = 0.05;
 
 export class WhyPanel {
-  constructor(model, scene, token) {
+  constructor(/** @type {Model} */ model, scene, token) {
     this.model = model;
     this.scene = scene;
     this.token = token;
@@ -86,7 +89,7 @@ export class WhyPanel {
     document.getElementById("why-clear").hidden = true;
   }
 
-  show(answer) {
+  show(/** @type {Why} */ answer) {
     const image = this.model.images.get(this.subject());
     const shown = image ? valueAt(image, answer.at) : NaN;
     const [x, y] = answer.at.map((metres) => metres.toFixed(2));
@@ -105,7 +108,7 @@ export class WhyPanel {
   }
 }
 
-function inWords(link) {
+function inWords(/** @type {WhyLink} */ link) {
   // No minus before a zero.
   const tenths = (metres) => (Math.round(metres * 10) / 10 + 0).toFixed(1);
   const place = ([x, y]) => `(${tenths(x)}, ${tenths(y)})`;
@@ -116,7 +119,7 @@ function inWords(link) {
 }
 
 /** How many packets of a link were heard, and how many missed where any were. */
-function packets({ packets, misses }) {
+function packets(/** @type {WhyLink} */ { packets, misses }) {
   const heard = `${packets} ${packets === 1 ? "packet" : "packets"}`;
   return misses > 0 ? `${heard} (${misses} missed)` : heard;
 }
@@ -127,7 +130,7 @@ function by(vehicles) {
 }
 
 /** What all links add that are not told one by one, if there are any. */
-function rest({ told, links, untold_dbpm }) {
+function rest(/** @type {Why} */ { told, links, untold_dbpm }) {
   const share = told.slice(WORDS).reduce((sum, link) => sum + link.share_dbpm, untold_dbpm);
   const count = links - WORDS;
   return count > 0 ? [item(`all ${count} others together ${added(share, "add", "take")}`)] : [];

@@ -7,10 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::{Value, json};
 use tomoswarm_proto::{LayerId, TileAddress, TileReport};
 
 use super::board::Board;
+use super::told::{CellWord, ToldCell, as_text};
 use crate::geom::Point;
 use crate::map::{Occupancy, address_of, index_in_tile};
 use crate::time::Time;
@@ -60,7 +60,7 @@ pub fn cell(now: Time, board: &Board, at: Point, slice: Option<i16>) -> String {
         wanted == Some((address.x, address.y)) && slice.is_none_or(|slice| slice == address.slice)
     };
     let changes = board.tile_changes().changes.iter();
-    let mut told: Vec<(&TileChange, Value)> = changes
+    let mut told: Vec<(&TileChange, CellWord)> = changes
         .filter(|((_, address), _)| is_there(address))
         .filter_map(|((layer, address), change)| {
             let tile = board.map().layer(*layer)?.tile(*address)?;
@@ -71,30 +71,29 @@ pub fn cell(now: Time, board: &Board, at: Point, slice: Option<i16>) -> String {
     told.sort_by_key(|(change, _)| std::cmp::Reverse(change.at));
     let left_out = told.len().saturating_sub(TOLD_MAX);
     let told = told.into_iter().take(TOLD_MAX).map(|(_, value)| value);
-    json!({
-        "at": [centre.x_m, centre.y_m],
-        "at_s": now.as_secs_f64(),
-        "told": told.collect::<Vec<_>>(),
-        "leftOut": left_out,
+    as_text(&ToldCell {
+        at: [centre.x_m, centre.y_m],
+        at_s: now.as_secs_f64(),
+        told: told.collect(),
+        left_out,
     })
-    .to_string()
 }
 
-fn told_by(now: Time, layer: LayerId, (slice, value): (i16, i8), change: &TileChange) -> Value {
+fn told_by(now: Time, layer: LayerId, (slice, value): (i16, i8), change: &TileChange) -> CellWord {
     let word = match Occupancy::of_value(value.into()) {
         Occupancy::Free => "free",
         Occupancy::Unknown => "unknown",
         Occupancy::Occupied => "occupied",
     };
-    json!({
-        "vehicle": layer.vehicle.0,
-        "boot": layer.boot.0,
-        "slice": slice,
-        "says": word,
-        "logOdds": f64::from(value) / 10.0,
-        "age_s": (now.since(change.at).as_secs_f64() * 10.0).round() / 10.0,
-        "mayBeOlder": change.may_be_older,
-    })
+    CellWord {
+        vehicle: layer.vehicle.0,
+        boot: layer.boot.0,
+        slice,
+        says: word,
+        log_odds: f64::from(value) / 10.0,
+        age_s: (now.since(change.at).as_secs_f64() * 10.0).round() / 10.0,
+        may_be_older: change.may_be_older,
+    }
 }
 
 #[cfg(test)]
@@ -108,6 +107,7 @@ mod tests {
     use crate::geom::Lattice;
     use crate::operator::HeardMessage;
     use crate::operator::tests_support::{at, heard};
+    use serde_json::{Value, json};
 
     /// A tile of a vehicle's start, of which one cell has a value.
     fn tile((vehicle, boot): (u8, u32), slice: i16, revision: u32, value: i8) -> HeardMessage {

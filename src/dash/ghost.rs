@@ -7,9 +7,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use serde_json::{Value, json};
 use tomoswarm_proto::{Message, OrderKind, PoseReport, VehicleId};
 
+use super::told::{GhostAbout, GhostWay, ToldGhost, as_text};
 use crate::operator::HeardMessage;
 use crate::time::Time;
 
@@ -68,12 +68,14 @@ impl Ghost {
     }
 
     /// Returns what holds for the whole connection of a page.
-    pub fn about(&self) -> Value {
-        json!({ "name": self.name, "vehicles": self.ways.keys().map(|id| id.0).collect::<Vec<_>>() })
+    pub fn about(&self) -> GhostAbout {
+        GhostAbout {
+            name: self.name.clone(),
+            vehicles: self.ways.keys().map(|id| id.0).collect(),
+        }
     }
 
-    /// Returns where its vehicles were beside a run that began at a moment, as JSON: of each vehicle the time of that run
-    /// (tenths of a second), x, y, z (centimetres) and the heading (hundredths of a radian) in turn.
+    /// Returns where its vehicles were beside a run that began at a moment, as text ([`ToldGhost`]).
     pub fn beside(&self, began: Time) -> String {
         let shift_s = began.as_secs_f64() - self.began.as_secs_f64();
         let rounded = |of: f64| of.round() as i64;
@@ -82,12 +84,14 @@ impl Ghost {
             let at = rounded((at.as_secs_f64() + shift_s) * 10.0);
             [at, cm[0], cm[1], cm[2], i64::from(pose.heading.0) / 100]
         };
-        let vehicle = |(id, way): (&VehicleId, &Way)| {
-            let poses: Vec<i64> = way.poses.iter().flat_map(numbers).collect();
-            json!({ "vehicle": id.0, "poses": poses })
+        let vehicle = |(id, way): (&VehicleId, &Way)| GhostWay {
+            vehicle: id.0,
+            poses: way.poses.iter().flat_map(numbers).collect(),
         };
-        let vehicles: Vec<Value> = self.ways.iter().map(vehicle).collect();
-        json!({ "name": self.name, "vehicles": vehicles }).to_string()
+        as_text(&ToldGhost {
+            name: self.name.clone(),
+            vehicles: self.ways.iter().map(vehicle).collect(),
+        })
     }
 }
 
@@ -116,6 +120,7 @@ impl Way {
 mod tests {
     use super::*;
     use crate::operator::tests_support::{at, heard, state};
+    use serde_json::Value;
     use tomoswarm_proto::Position;
 
     /// A run in which vehicle 1 stands for so long, is started, and drives a metre a second; ten States a second.

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use serde_json::{Value, json};
 use tomoswarm_proto::{Look, LookReading, READING_AGE_MAX_MS, VehicleId};
 
+use super::told::{ToldLook, as_text};
 use crate::time::Time;
 
 /// A reading is shown for so long.
@@ -52,8 +52,7 @@ impl LookView {
         size_of::<LookView>() + self.readings.len() * size_of::<(Time, LookReading)>()
     }
 
-    /// Returns them as text (JSON), with their ages at a moment: place (x, y, z), direction, range or null, age, and whether it
-    /// is suspect; metres, radians and seconds.
+    /// Returns them as text, with their ages at a moment.
     pub fn text(&self, now: Time, id: VehicleId) -> String {
         let thousandths = |value: f64| libm::round(value * 1000.0) / 1000.0;
         let reading = |(at, of): &(Time, LookReading)| {
@@ -61,16 +60,15 @@ impl LookView {
             let toward_rad = thousandths(of.toward.radians());
             let age_s = thousandths(now.since(*at).as_secs_f64());
             let [x_m, y_m, z_m] = [of.at.x_m(), of.at.y_m(), of.at.z_m()];
-            json!([x_m, y_m, z_m, toward_rad, range_m, age_s, of.is_suspect])
+            (x_m, y_m, z_m, toward_rad, range_m, age_s, of.is_suspect)
         };
         let shown = self.readings.iter().filter(|(at, _)| is_shown(now, *at));
-        let text = json!({
-            "id": id.0,
-            "halfAngle_rad": thousandths(self.half_angle_rad),
-            "maxRange_m": self.max_range_m,
-            "readings": shown.map(reading).collect::<Vec<Value>>(),
-        });
-        text.to_string()
+        as_text(&ToldLook {
+            id: id.0,
+            half_angle_rad: thousandths(self.half_angle_rad),
+            max_range_m: self.max_range_m,
+            readings: shown.map(reading).collect(),
+        })
     }
 }
 
@@ -81,6 +79,7 @@ fn is_shown(now: Time, taken_at: Time) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::{Value, json};
     use tomoswarm_proto::{Heading, Position};
 
     fn look(count: u16, age_ms: u16) -> Look {

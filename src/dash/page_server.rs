@@ -14,7 +14,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::Deserialize;
-use serde_json::{Value, json};
 use tomoswarm_proto::{Interest, Message, StopScope, VehicleId};
 
 pub use self::looks::CellQuestion;
@@ -28,6 +27,7 @@ use super::node_settings::NodeSettingsBook;
 use super::orders::{OrderRequest, OrderWord, STOP_WITHIN};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
+use super::told::{Place, Welcome, as_text};
 use crate::config::{Config, Venue, to_toml};
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
@@ -105,7 +105,7 @@ struct Page {
 /// All that is served to pages.
 #[derive(Debug)]
 pub struct PageServer {
-    place: Value,
+    place: Place,
     venue: Venue,
     board: Board,
     history: History,
@@ -141,7 +141,7 @@ pub struct PageServer {
 impl PageServer {
     /// Makes a server without pages; `place` is what holds for all of them ([`super::texts::place`]), missions are
     /// judged by the venue.
-    pub fn new(place: Value, venue: Venue, board: Board, gate: Gate) -> PageServer {
+    pub fn new(place: Place, venue: Venue, board: Board, gate: Gate) -> PageServer {
         PageServer {
             settings: to_toml(&Config::Venue(venue.clone())),
             node_settings: NodeSettingsBook::default(),
@@ -227,7 +227,7 @@ impl PageServer {
 
     /// Takes another run, to be shown beside one that began at a moment.
     pub fn set_ghost(&mut self, ghost: &Ghost, began: Time) {
-        self.place["ghost"] = ghost.about();
+        self.place.ghost = Some(ghost.about());
         self.ghost = ghost.beside(began);
     }
 
@@ -311,11 +311,13 @@ impl PageServer {
         let right = self
             .gate
             .right_of(said.token.as_deref().unwrap_or_default())?;
-        let mut welcome = self.place.clone();
-        welcome["page"] = json!(id.0);
-        welcome["mayOrder"] = json!(right == Right::Operate);
+        let welcome = Welcome {
+            place: self.place.clone(),
+            page: id.0,
+            may_order: right == Right::Operate,
+        };
         let newest = newest(&self.board, present, &self.history);
-        page.outbox = Some(Outbox::new(now, &welcome.to_string(), &newest));
+        page.outbox = Some(Outbox::new(now, &as_text(&welcome), &newest));
         page.secret = said.secret;
         page.wanted = self.is_over.then_some(WantedTime::Past {
             at_s: 0.0,

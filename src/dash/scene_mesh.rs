@@ -1,8 +1,7 @@
 //! The triangles of a simulated scene as text (JSON), for a page that draws it; and where its vehicles' range sensors look.
 //! It says what stands there and computes nothing.
 
-use serde_json::{Value, json};
-
+use super::told::{ObjectMesh, SceneMesh, Sensors, as_text};
 use crate::config::RangeSensor;
 use crate::scene::{Object, Scene};
 
@@ -12,29 +11,31 @@ const PARTS_PER_M: f64 = 1000.0;
 /// Returns the triangles of a scene, object by object: corners once, in millimetres, x, y, z in turn, and three numbers of
 /// corners a triangle.
 pub fn scene_mesh(scene: &Scene) -> String {
-    let objects: Vec<Value> = scene.objects().iter().map(object).collect();
-    json!({ "objects": objects }).to_string()
+    as_text(&SceneMesh {
+        objects: scene.objects().iter().map(object).collect(),
+    })
 }
 
-fn object(object: &Object) -> Value {
+fn object(object: &Object) -> ObjectMesh {
     let mesh = object.shape.surface();
     let part = |of: &f64| (of * PARTS_PER_M).round() as i64;
-    json!({
-        "name": object.name,
-        "isClosed": object.closed,
-        "corners_mm": mesh.vertices().iter().flatten().map(part).collect::<Vec<_>>(),
-        "triangles": mesh.triangles().iter().flatten().collect::<Vec<_>>(),
-    })
+    ObjectMesh {
+        name: object.name.clone(),
+        is_closed: object.closed,
+        corners_mm: mesh.vertices().iter().flatten().map(part).collect(),
+        triangles: mesh.triangles().iter().flatten().copied().collect(),
+    }
 }
 
 /// Returns where the range sensors of simulated vehicles look, and how far.
-pub fn sensors(range: &RangeSensor) -> Value {
-    json!({
-        "beams_rad": range.look.beams_deg.iter().map(|beam| beam.to_radians()).collect::<Vec<_>>(),
-        "half_angle_rad": range.look.half_angle_deg.to_radians(),
-        "max_range_m": range.look.max_range_m,
-        "height_m": range.height_m,
-    })
+pub fn sensors(range: &RangeSensor) -> Sensors {
+    let beams = range.look.beams_deg.iter().map(|beam| beam.to_radians());
+    Sensors {
+        beams_rad: beams.collect(),
+        half_angle_rad: range.look.half_angle_deg.to_radians(),
+        max_range_m: range.look.max_range_m,
+        height_m: range.height_m,
+    }
 }
 
 #[cfg(test)]
@@ -42,6 +43,7 @@ mod tests {
     use super::*;
     use crate::geom::Point;
     use crate::scene::{Material, Person, SceneParts};
+    use serde_json::Value;
 
     #[test]
     fn a_scene_is_told_by_its_corners_in_millimetres_and_by_its_triangles() {

@@ -1,11 +1,10 @@
-//! What is shown of each subject as text (JSON). Plain translation: it judges nothing but who is silent, and numbers of 64
-//! bits go as text, since a page would round them.
+//! What is shown of each subject as text, of the types of [`super::told`]. Plain translation: it judges nothing but who is
+//! silent.
 //!
 //! What nodes say of themselves is passed on as it is; the page shows it as text only.
 
 use std::collections::VecDeque;
 
-use serde_json::{Value, json};
 use tomoswarm_proto::{
     AutopilotHealth, Covariance, EmergencyStop, Find, Health, Image, ImageSubject, MissionProgress,
     Permille, Plan, Position, State, StopId, StopScope, VehicleId,
@@ -19,6 +18,13 @@ use super::orders::GivenOrder;
 use super::outbox::Shown;
 use super::records::{MODES, STANDS_UNDER, subject_number};
 use super::timetable::{SHOWN_SPEED_MPS, Timetable};
+use super::told::{
+    At, DeclaredMission, EarlierImage, Ellipse, Events, Fate, Ground, ImageFinds, KnownMark,
+    Marker, Markers, Marks, Moment, OpenStop, Orders, Place, ProgressRow, Showing, StopName,
+    TimetableRow, ToldEvent, ToldFind, ToldMark, ToldOrder, ToldPlan, ToldProgress, ToldRun,
+    ToldStop, ToldTimetable, ToldTrack, ToldVehicle, TruePerson, Truth, VehicleHealth,
+    VehicleMission, Way, as_text,
+};
 use crate::config::{DeclaredKey, GivenMission, Venue};
 use crate::geom::{Point, Polygon, Rect};
 use crate::operator::given_marks::MarkOutcome;
@@ -29,77 +35,48 @@ use crate::sweep::ExpectedStop;
 use crate::time::Time;
 use crate::tomo::ImagingSettings;
 
-/// What a page shows: how the time that it shows came about.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Showing {
-    /// The swarm as it is.
-    Live,
-    /// A simulation.
-    Simulation,
-    /// A recording.
-    Replay,
-}
-
-impl Showing {
-    fn word(self) -> &'static str {
-        match self {
-            Showing::Live => "LIVE",
-            Showing::Simulation => "SIMULATION",
-            Showing::Replay => "REPLAY",
-        }
+/// Returns what holds for the whole connection of any page, of a run of which no truth is known.
+pub fn place(venue: &Venue, showing: Showing) -> Place {
+    let colour = |id| crate::draw::vehicle_colour(VehicleId(id)).rgb;
+    let mission = |(kind, keys): (&str, Vec<DeclaredKey>)| DeclaredMission {
+        kind: kind.to_owned(),
+        keys,
+    };
+    Place {
+        showing,
+        venue: venue.name.clone(),
+        cell_m: venue.cell_m,
+        slices_m: venue.slice_borders_m.clone(),
+        x_axis_deg: venue.x_axis_bearing_deg,
+        area: [point(venue.area.min), point(venue.area.max)],
+        fence: venue.fence.corners().iter().map(|at| point(*at)).collect(),
+        homes: venue.homes.iter().map(|at| point(*at)).collect(),
+        modes: MODES.iter().map(|of| mode(*of)).collect(),
+        stands_under: STANDS_UNDER.to_vec(),
+        vehicle_colours: (1..=8).map(colour).collect(),
+        heat: crate::draw::heat_colours(),
+        missions: GivenMission::declared().map(mission).collect(),
+        truth: None,
+        sensors: None,
+        ghost: None,
     }
 }
 
-/// Returns what holds for the whole connection of any page, without who the page is.
-pub fn place(venue: &Venue, showing: Showing) -> Value {
-    let modes: Vec<&str> = MODES.iter().map(|of| mode(*of)).collect();
-    let colours: Vec<[u8; 3]> = (1..=8)
-        .map(|id| crate::draw::vehicle_colour(VehicleId(id)).rgb)
-        .collect();
-    json!({
-        "showing": showing.word(),
-        "venue": venue.name,
-        "cell_m": venue.cell_m,
-        "slices_m": venue.slice_borders_m,
-        "xAxis_deg": venue.x_axis_bearing_deg,
-        "area": [point(venue.area.min), point(venue.area.max)],
-        "fence": venue.fence.corners().iter().map(|at| point(*at)).collect::<Vec<_>>(),
-        "homes": venue.homes.iter().map(|at| point(*at)).collect::<Vec<_>>(),
-        "modes": modes,
-        "standsUnder": STANDS_UNDER,
-        "vehicleColours": colours,
-        "heat": crate::draw::heat_colours(),
-        "missions": missions(),
-    })
-}
-
 /// Returns what truly stands in the scene of a simulation: outlines at antenna height, and persons.
-pub fn truth(outlines: &[Outline], persons: &[Person]) -> Value {
-    let border = |of: &Polygon| of.corners().iter().map(|at| point(*at)).collect::<Vec<_>>();
+pub fn truth(outlines: &[Outline], persons: &[Person]) -> Truth {
+    let border = |of: &Polygon| of.corners().iter().map(|at| point(*at)).collect();
     let polygons = outlines
         .iter()
         .flat_map(|of| std::iter::once(&of.polygon).chain(&of.holes));
-    let person =
-        |of: &Person| json!({ "name": of.name, "at": point(of.at), "radius_m": of.radius_m });
-    json!({
-        "outlines": polygons.map(border).collect::<Vec<_>>(),
-        "persons": persons.iter().map(person).collect::<Vec<_>>(),
-    })
-}
-
-/// Returns the kinds of missions, each with its keys and what they mean.
-fn missions() -> Vec<Value> {
-    let key = |key: &DeclaredKey| {
-        json!({
-            "name": key.name,
-            "default": key.default,
-            "allowed": key.allowed,
-            "means": key.means,
-        })
+    let person = |of: &Person| TruePerson {
+        name: of.name.clone(),
+        at: point(of.at),
+        radius_m: of.radius_m,
     };
-    GivenMission::declared()
-        .map(|(kind, keys)| json!({ "kind": kind, "keys": keys.iter().map(key).collect::<Vec<_>>() }))
-        .collect()
+    Truth {
+        outlines: polygons.map(border).collect(),
+        persons: persons.iter().map(person).collect(),
+    }
 }
 
 /// Returns what was found in the newest image, and in those before it.
@@ -110,35 +87,29 @@ pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
         let most = covariance.xx_mm2.max(covariance.yy_mm2);
         libm::sqrt(f64::from(most)) / 1000.0
     };
-    let find = |find: &Find| {
-        json!({
-            "at": position(find.at),
-            "sd_m": find.covariance.map(deviation_m),
-            "ellipse": find.covariance.map(ellipse),
-            "strength_dbpm": f64::from(find.strength_udb_per_m) / 1e6,
-            "probability": find.probability.map(|share| share.fraction()),
-        })
+    let find = |find: &Find| ToldFind {
+        at: position(find.at),
+        sd_m: find.covariance.map(deviation_m),
+        ellipse: find.covariance.map(ellipse),
+        strength_dbpm: f64::from(find.strength_udb_per_m) / 1e6,
+        probability: find.probability.map(|share| share.fraction()),
     };
-    let all: Vec<Value> = image.finds.iter().map(find).collect();
-    let earlier = |of: &EarlierFinds| {
-        json!({
-            "at_s": tenths(of.at.as_secs_f64()),
-            "run": of.run.0,
-            "laps": of.laps,
-            "finds": of.finds.iter().map(find).collect::<Vec<_>>(),
-        })
+    let earlier = |of: &EarlierFinds| EarlierImage {
+        at_s: tenths(of.at.as_secs_f64()),
+        run: of.run.0,
+        laps: of.laps,
+        finds: of.finds.iter().map(find).collect(),
     };
-    let text = json!({
-        "subject": subject_number(subject),
-        "run": image.run.0,
-        "sequence": image.sequence,
-        "laps": image.laps,
-        "at_s": tenths(newest.begun.as_secs_f64()),
-        "priorSd_dbpm": prior_sd_dbpm(image),
-        "finds": all,
-        "earlier": newest.earlier.iter().map(earlier).collect::<Vec<_>>(),
-    });
-    Some(text.to_string())
+    Some(as_text(&ImageFinds {
+        subject: subject_number(subject),
+        run: image.run.0,
+        sequence: image.sequence,
+        laps: image.laps,
+        at_s: tenths(newest.begun.as_secs_f64()),
+        prior_sd_dbpm: prior_sd_dbpm(image),
+        finds: image.finds.iter().map(find).collect(),
+        earlier: newest.earlier.iter().map(earlier).collect(),
+    }))
 }
 
 /// Returns how uncertain each pixel was before all measuring, dB/m: the deviation of the prior by which the solver `auto`, and
@@ -150,7 +121,7 @@ fn prior_sd_dbpm(image: &Image) -> f64 {
 }
 
 /// Returns the ellipse of one standard deviation: half its axes, and how far the longer one is turned from the x axis.
-fn ellipse(covariance: Covariance) -> Value {
+fn ellipse(covariance: Covariance) -> Ellipse {
     let [xx, xy, yy] = [
         f64::from(covariance.xx_mm2),
         f64::from(covariance.xy_mm2),
@@ -159,11 +130,11 @@ fn ellipse(covariance: Covariance) -> Value {
     let (middle, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
     let away = libm::hypot(half, xy);
     let metres = |variance: f64| libm::sqrt(variance.max(0.0)) / 1000.0;
-    json!({
-        "major_m": metres(middle + away),
-        "minor_m": metres(middle - away),
-        "angle_rad": libm::atan2(xy, half) / 2.0,
-    })
+    Ellipse {
+        major_m: metres(middle + away),
+        minor_m: metres(middle - away),
+        angle_rad: libm::atan2(xy, half) / 2.0,
+    }
 }
 
 /// Returns how a vehicle fares.
@@ -176,38 +147,33 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
     let misfit = board
         .view()
         .misfit(tomoswarm_proto::Sender::Vehicle(id), board.venue_hash());
-    let mission = mission.map(|mission| {
-        json!({
-            "kind": mission.kind.word(),
-            "phase": mission_phase(mission.phase),
-            "share": mission.share.map(|share| shown_share(share).fraction()),
-            "end": mission.end.map(|end| end.to_string()),
-            "isAtHome": mission.is_at_home,
-        })
+    let mission = mission.map(|mission| VehicleMission {
+        kind: mission.kind.word(),
+        phase: mission_phase(mission.phase),
+        share: mission.share.map(|share| shown_share(share).fraction()),
+        end: mission.end.map(|end| end.to_string()),
+        is_at_home: mission.is_at_home,
     });
-    let health = health.map(|health| {
-        let autopilot = health.autopilot.as_ref();
-        json!({
-            "lost": health.samples_lost.to_string(),
-            "hears": ids(&health.hears),
-            "troubles": health.troubles,
-            "autopilot": autopilot.map(|of| format!("{:?} {}", of.family, of.firmware)),
-        })
+    let autopilot = |of: &AutopilotHealth| format!("{:?} {}", of.family, of.firmware);
+    let health = health.map(|health| VehicleHealth {
+        lost: health.samples_lost.to_string(),
+        hears: ids(&health.hears),
+        troubles: health.troubles.clone(),
+        autopilot: health.autopilot.as_ref().map(autopilot),
     });
-    let text = json!({
-        "id": id.0,
-        "name": hello.map(|hello| hello.name.clone()),
-        "software": hello.map(|hello| hello.software.clone()),
-        "misfit": misfit.map(|misfit| misfit.to_string()),
-        "boot": state.map(|state| state.boot.0),
-        "run": state.map(|state| state.accepted.0.0),
-        "revision": state.map(|state| state.accepted.1.0),
-        "ordered": state.map(|state| ordered(state.ordered)),
-        "control": state.map(|state| control(state.control)),
-        "mission": mission,
-        "health": health,
-    });
-    Some(text.to_string())
+    Some(as_text(&ToldVehicle {
+        id: id.0,
+        name: hello.map(|hello| hello.name.clone()),
+        software: hello.map(|hello| hello.software.clone()),
+        misfit: misfit.map(|misfit| misfit.to_string()),
+        boot: state.map(|state| state.boot.0),
+        run: state.map(|state| state.accepted.0.0),
+        revision: state.map(|state| state.accepted.1.0),
+        ordered: state.map(|state| ordered(state.ordered)),
+        control: state.map(|state| control(state.control)),
+        mission,
+        health,
+    }))
 }
 
 /// Returns what is shown of a mission in its vehicle's row.
@@ -256,48 +222,39 @@ pub fn corners_ahead(state: &State) -> Option<&[Position]> {
 pub fn way(board: &Board, id: VehicleId) -> Option<String> {
     let state = &board.view().state(id)?.value;
     let ahead = corners_ahead(state).map(route);
-    Some(json!({ "id": id.0, "ahead": ahead }).to_string())
+    Some(as_text(&Way { id: id.0, ahead }))
 }
 
 /// Returns the plan of a vehicle.
 pub fn plan(board: &Board, id: VehicleId) -> Option<String> {
     let plan = board.plan(id)?;
-    let stop = |stop: &tomoswarm_proto::Stop| {
-        let after: Vec<Value> = stop
-            .after
-            .iter()
-            .map(|(of, at)| json!([of.0, at.0]))
-            .collect();
-        json!({
-            "id": stop.id.0,
-            "at": position(stop.at),
-            "route": route(&stop.route),
-            "after": after,
-        })
+    let stop = |stop: &tomoswarm_proto::Stop| ToldStop {
+        id: stop.id.0,
+        at: position(stop.at),
+        route: route(&stop.route),
+        after: stop.after.iter().map(name_of_stop).collect(),
     };
-    let text = json!({
-        "id": id.0,
-        "run": plan.run.0,
-        "revision": plan.revision.0,
-        "start": position(plan.start),
-        "stops": plan.stops.iter().map(stop).collect::<Vec<_>>(),
-    });
-    Some(text.to_string())
+    Some(as_text(&ToldPlan {
+        id: id.0,
+        run: plan.run.0,
+        revision: plan.revision.0,
+        start: position(plan.start),
+        stops: plan.stops.iter().map(stop).collect(),
+    }))
 }
 
 /// Returns where a vehicle has been, in centimetres: x and y in turn.
 pub fn track(board: &Board, id: VehicleId) -> Option<String> {
     let places = board.track(id)?.places().iter();
-    let places: Vec<i32> = places.flat_map(|at| [at.x_mm / 10, at.y_mm / 10]).collect();
-    Some(json!({ "id": id.0, "places_cm": places }).to_string())
+    Some(as_text(&ToldTrack {
+        id: id.0,
+        places_cm: places.flat_map(|at| [at.x_mm / 10, at.y_mm / 10]).collect(),
+    }))
 }
 
 /// Returns the plans against time: for each vehicle its stops with what each waits for and when it is expected, and the
 /// chain that takes longest. It is long, and changes with the plans alone.
 pub fn timetable(board: &Board) -> String {
-    let Some(table) = board.timetable() else {
-        return json!({ "rows": [] }).to_string();
-    };
     let row = |(plan, expected): (&Plan, &[ExpectedStop])| {
         let times = expected
             .iter()
@@ -306,23 +263,24 @@ pub fn timetable(board: &Board) -> String {
             .stops
             .iter()
             .map(|stop| stop.after.iter().map(name_of_stop).collect());
-        json!({
-            "vehicle": plan.vehicle.0,
-            "stops": plan.stops.iter().map(|stop| stop.id.0).collect::<Vec<_>>(),
-            "after": after.collect::<Vec<Vec<Value>>>(),
-            "times_s": times.collect::<Vec<_>>(),
-        })
+        TimetableRow {
+            vehicle: plan.vehicle.0,
+            stops: plan.stops.iter().map(|stop| stop.id.0).collect(),
+            after: after.collect(),
+            times_s: times.collect(),
+        }
     };
-    let edition = edition_of(table);
-    json!({
-        "run": edition.map(|(run, _)| run),
-        "revision": edition.map(|(_, revision)| revision),
-        "speed_mps": SHOWN_SPEED_MPS,
-        "length_s": tenths(table.length_s()),
-        "chain": table.longest_chain().iter().map(name_of_stop).collect::<Vec<_>>(),
-        "rows": table.rows().map(row).collect::<Vec<_>>(),
+    let table = board.timetable();
+    let edition = table.and_then(edition_of);
+    let chain = table.map(Timetable::longest_chain).unwrap_or_default();
+    as_text(&ToldTimetable {
+        run: edition.map(|(run, _)| run),
+        revision: edition.map(|(_, revision)| revision),
+        speed_mps: SHOWN_SPEED_MPS,
+        length_s: table.map_or(0.0, |table| tenths(table.length_s())),
+        chain: chain.iter().map(name_of_stop).collect(),
+        rows: table.map_or(Vec::new(), |table| table.rows().map(row).collect()),
     })
-    .to_string()
 }
 
 /// Returns how far vehicles are in the plans against time, and who waits for whom now; `None` while there are none.
@@ -333,26 +291,25 @@ pub fn progress(board: &Board) -> Option<String> {
         let said = progress.get(&plan.vehicle);
         let said = said.filter(|said| (said.run, said.revision) == (plan.run, plan.revision));
         let waits_for = table.waits_for(plan.vehicle, &progress);
-        json!({
-            "vehicle": plan.vehicle.0,
-            "isFollowed": said.is_some(),
-            "done": said.and_then(|said| said.done).map(|stop| stop.0),
-            "leg": said.and_then(|said| said.leg).map(|stop| stop.0),
-            "waitsFor": waits_for.iter().map(name_of_stop).collect::<Vec<_>>(),
-        })
+        ProgressRow {
+            vehicle: plan.vehicle.0,
+            is_followed: said.is_some(),
+            done: said.and_then(|said| said.done).map(|stop| stop.0),
+            leg: said.and_then(|said| said.leg).map(|stop| stop.0),
+            waits_for: waits_for.iter().map(name_of_stop).collect(),
+        }
     };
     let edition = edition_of(table);
-    let text = json!({
-        "run": edition.map(|(run, _)| run),
-        "revision": edition.map(|(_, revision)| revision),
-        "reached_s": tenths(table.reached_s(&progress)),
-        "rows": table.rows().map(row).collect::<Vec<_>>(),
-    });
-    Some(text.to_string())
+    Some(as_text(&ToldProgress {
+        run: edition.map(|(run, _)| run),
+        revision: edition.map(|(_, revision)| revision),
+        reached_s: tenths(table.reached_s(&progress)),
+        rows: table.rows().map(row).collect(),
+    }))
 }
 
-fn name_of_stop((of, stop): &(VehicleId, StopId)) -> Value {
-    json!([of.0, stop.0])
+fn name_of_stop((of, stop): &(VehicleId, StopId)) -> StopName {
+    (of.0, stop.0)
 }
 
 /// Returns the run and the revision of plans.
@@ -367,45 +324,40 @@ fn tenths(of: f64) -> f64 {
 
 /// Returns what happened behind an event, oldest first; `None` = nothing.
 pub fn events(now: Time, board: &Board, after: u64) -> Option<String> {
-    let event = |event: &Event| {
-        json!({
-            "number": event.number,
-            "age_s": tenths(now.since(event.at).as_secs_f64()),
-            "kind": event.kind.word(),
-            "vehicles": ids(&event.vehicles),
-            "text": event.text,
-        })
+    let event = |event: &Event| ToldEvent {
+        number: event.number,
+        age_s: tenths(now.since(event.at).as_secs_f64()),
+        kind: event.kind.word(),
+        vehicles: ids(&event.vehicles),
+        text: event.text.clone(),
     };
-    let all: Vec<Value> = board.events().after(after).map(event).collect();
-    (!all.is_empty()).then(|| json!({ "events": all }).to_string())
+    let events: Vec<ToldEvent> = board.events().after(after).map(event).collect();
+    (!events.is_empty()).then(|| as_text(&Events { events }))
 }
 
 /// Returns which moment is shown, of which span; `is_anew`: everything comes anew; `is_whole`: all of that has come.
 pub fn moment(shown: &Shown<'_>, is_anew: bool, is_whole: bool) -> String {
-    json!({
-        "at_s": shown.at.as_secs_f64(),
-        "from_s": shown.span.0.as_secs_f64(),
-        "to_s": shown.span.1.as_secs_f64(),
-        "speed": shown.speed,
-        "isAnew": is_anew,
-        "isWhole": is_whole,
+    as_text(&Moment {
+        at_s: shown.at.as_secs_f64(),
+        from_s: shown.span.0.as_secs_f64(),
+        to_s: shown.span.1.as_secs_f64(),
+        speed: shown.speed,
+        is_anew,
+        is_whole,
     })
-    .to_string()
 }
 
 /// Returns what is worth a mark behind a number, oldest first; `None` = nothing.
 pub fn markers(all: &VecDeque<Event>, after: u64) -> Option<String> {
-    let marker = |event: &Event| {
-        json!({
-            "at_s": tenths(event.at.as_secs_f64()),
-            "kind": event.kind.word(),
-            "vehicles": ids(&event.vehicles),
-            "text": event.text,
-        })
+    let marker = |event: &Event| Marker {
+        at_s: tenths(event.at.as_secs_f64()),
+        kind: event.kind.word(),
+        vehicles: ids(&event.vehicles),
+        text: event.text.clone(),
     };
     let new = all.iter().filter(|event| event.number > after);
-    let new: Vec<Value> = new.map(marker).collect();
-    (!new.is_empty()).then(|| json!({ "markers": new }).to_string())
+    let markers: Vec<Marker> = new.map(marker).collect();
+    (!markers.is_empty()).then(|| as_text(&Markers { markers }))
 }
 
 /// Returns how the ground station fares; of several that of the greatest lease.
@@ -415,37 +367,34 @@ pub fn ground(now: Time, board: &Board) -> String {
         .grounds()
         .max_by_key(|report| (board.view().ground(now) == Some(*report), report.at));
     let Some(newest) = newest else {
-        return json!({ "isHeard": false }).to_string();
+        return as_text(&Ground::default());
     };
     let report = &newest.value;
-    let run = |run: &tomoswarm_proto::RunReport| {
-        json!({
-            "run": run.run.0,
-            "kind": run.kind.word(),
-            "comparedWith": run.compared_with.map(|run| run.0),
-            "end": run_end(run.end),
-            "samples": run.samples.to_string(),
-            "images": run.images,
-        })
+    let run = |run: &tomoswarm_proto::RunReport| ToldRun {
+        run: run.run.0,
+        kind: run.kind.word(),
+        compared_with: run.compared_with.map(|run| run.0),
+        end: run_end(run.end),
+        samples: run.samples.to_string(),
+        images: run.images,
     };
-    json!({
-        "isHeard": true,
-        "age_s": newest.age(now).as_secs_f64(),
-        "lease": report.lease.number,
-        "phase": phase(report.phase),
-        "run": report.run.0,
-        "laps": report.laps,
-        "lapsDone": report.laps_done,
-        "samples": report.samples.to_string(),
-        "images": report.images,
-        "expected": ids(&report.expected),
-        "members": ids(&report.members),
-        "lost": ids(&report.lost),
-        "inForce": report.in_force.map(kind_name),
-        "runs": report.runs.iter().map(run).collect::<Vec<_>>(),
-        "troubles": report.troubles,
+    as_text(&Ground {
+        is_heard: true,
+        age_s: newest.age(now).as_secs_f64(),
+        lease: report.lease.number,
+        phase: phase(report.phase),
+        run: report.run.0,
+        laps: report.laps,
+        laps_done: report.laps_done,
+        samples: report.samples.to_string(),
+        images: report.images,
+        expected: ids(&report.expected),
+        members: ids(&report.members),
+        lost: ids(&report.lost),
+        in_force: report.in_force.map(kind_name),
+        runs: report.runs.iter().map(run).collect(),
+        troubles: report.troubles.clone(),
     })
-    .to_string()
 }
 
 /// Returns the open stops, the last orders with how they fared, and who has the seat.
@@ -461,45 +410,44 @@ pub fn orders(now: Time, board: &Board) -> String {
         let (shown, open): (Vec<VehicleId>, Vec<VehicleId>) = concerned
             .iter()
             .partition(|id| view.shows_stop(**id, stop.name));
-        json!({
-            "name": stop.name.to_string(),
-            "isMany": stop.name.is_many(),
-            "vehicle": match stop.scope { StopScope::All => None, StopScope::One(id) => Some(id.0) },
-            "by": stop.by.0,
-            "shown": ids(&shown),
-            "notShown": ids(&open),
-        })
+        OpenStop {
+            name: stop.name.to_string(),
+            is_many: stop.name.is_many(),
+            vehicle: match stop.scope {
+                StopScope::All => None,
+                StopScope::One(id) => Some(id.0),
+            },
+            by: stop.by.0,
+            shown: ids(&shown),
+            not_shown: ids(&open),
+        }
     };
-    let stops: Vec<Value> = view.open_stops().iter().map(stop).collect();
-    let orders: Vec<Value> = board
-        .orders()
-        .given
-        .iter()
-        .map(|order| given(now, order))
-        .collect();
-    json!({
-        "isLinked": board.is_linked(),
-        "stops": stops,
-        "orders": orders,
-        "seat": board.orders().seat.map(|page| page.0),
-        "lease": view.lease(now).number,
+    let orders = board.orders().given.iter();
+    as_text(&Orders {
+        is_linked: board.is_linked(),
+        stops: view.open_stops().iter().map(stop).collect(),
+        orders: orders.map(|order| given(now, order)).collect(),
+        seat: board.orders().seat.map(|page| page.0),
+        lease: view.lease(now).number,
     })
-    .to_string()
 }
 
-fn given(now: Time, order: &GivenOrder) -> Value {
-    json!({
-        "number": order.number,
-        "what": order.request.order.word(),
-        "mission": order.request.mission.as_ref().map(|said| said.kind.clone()),
-        "vehicles": order.request.vehicles,
-        "page": order.request.page,
-        "age_s": now.since(order.at).as_secs_f64(),
-        "isOver": order.outcome.is_some(),
-        "isDone": order.outcome.as_ref().is_some_and(OrderOutcome::is_done),
-        "refused": order.outcome.as_ref().and_then(|outcome| outcome.refused).map(|why| why.to_string()),
-        "fates": order.outcome.as_ref().map(fates),
-    })
+fn given(now: Time, order: &GivenOrder) -> ToldOrder {
+    let outcome = order.outcome.as_ref();
+    let refused = outcome.and_then(|outcome| outcome.refused);
+    let mission = order.request.mission.as_ref();
+    ToldOrder {
+        number: order.number,
+        what: order.request.order.word(),
+        mission: mission.map(|said| said.kind.clone()),
+        vehicles: order.request.vehicles.iter().copied().collect(),
+        page: order.request.page,
+        age_s: now.since(order.at).as_secs_f64(),
+        is_over: outcome.is_some(),
+        is_done: outcome.is_some_and(OrderOutcome::is_done),
+        refused: refused.map(|why| why.to_string()),
+        fates: outcome.map(fates),
+    }
 }
 
 /// Returns where somebody truly stands, and how the last marks of pages fared.
@@ -510,26 +458,27 @@ pub fn marks(now: Time, board: &Board) -> String {
             MarkState::Asked => "asked",
             MarkState::TakingBack => "taking back",
         };
-        json!({ "run": run.0, "at": position(at), "state": state })
+        KnownMark {
+            run: run.0,
+            at: position(at),
+            state,
+        }
     });
-    let given = |given: &GivenMark| {
-        json!({
-            "number": given.number,
-            "at": position(given.request.place()),
-            "run": given.request.run,
-            "takeBack": given.request.take_back,
-            "page": given.request.page,
-            "age_s": now.since(given.at).as_secs_f64(),
-            "isOver": given.outcome.is_some(),
-            "isDone": matches!(given.outcome, Some(MarkOutcome::Stored(_))),
-            "words": given.outcome.as_ref().map(MarkOutcome::to_string),
-        })
+    let given = |given: &GivenMark| ToldMark {
+        number: given.number,
+        at: position(given.request.place()),
+        run: given.request.run,
+        take_back: given.request.take_back,
+        page: given.request.page,
+        age_s: now.since(given.at).as_secs_f64(),
+        is_over: given.outcome.is_some(),
+        is_done: matches!(given.outcome, Some(MarkOutcome::Stored(_))),
+        words: given.outcome.as_ref().map(MarkOutcome::to_string),
     };
-    json!({
-        "marks": known.collect::<Vec<_>>(),
-        "given": board.marks().given.iter().map(given).collect::<Vec<_>>(),
+    as_text(&Marks {
+        marks: known.collect(),
+        given: board.marks().given.iter().map(given).collect(),
     })
-    .to_string()
 }
 
 /// Returns what became of an order, in one line: by which lease it was given, and its fate for each vehicle.
@@ -574,8 +523,12 @@ pub fn order_in_words(board: &Board, number: u32, outcome: &OrderOutcome) -> Str
     )
 }
 
-fn fates(outcome: &OrderOutcome) -> Vec<Value> {
-    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| json!({ "vehicle": id.0, "isDone": of.is_done(), "words": of.to_string() });
+fn fates(outcome: &OrderOutcome) -> Vec<Fate> {
+    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| Fate {
+        vehicle: id.0,
+        is_done: of.is_done(),
+        words: of.to_string(),
+    };
     outcome.vehicles.iter().map(fate).collect()
 }
 
@@ -583,15 +536,15 @@ fn ids(all: &[VehicleId]) -> Vec<u8> {
     all.iter().map(|id| id.0).collect()
 }
 
-fn point(at: Point) -> [f64; 2] {
+fn point(at: Point) -> At {
     [at.x_m, at.y_m]
 }
 
-fn position(at: Position) -> [f64; 2] {
+fn position(at: Position) -> At {
     [at.x_m(), at.y_m()]
 }
 
-fn route(places: &[Position]) -> Vec<[f64; 2]> {
+fn route(places: &[Position]) -> Vec<At> {
     places.iter().map(|at| position(*at)).collect()
 }
 
@@ -607,7 +560,7 @@ mod tests {
                 xy_mm2,
                 yy_mm2,
             });
-            ["major_m", "minor_m", "angle_rad"].map(|key| read[key].as_f64().unwrap())
+            [read.major_m, read.minor_m, read.angle_rad]
         };
         let turn = std::f64::consts::FRAC_PI_4;
         for (read, expected) in [

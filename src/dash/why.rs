@@ -6,10 +6,10 @@
 //! its value and that of an image by another solver differ, and the page says both.
 
 use serde::Deserialize;
-use serde_json::{Value, json};
 use tomoswarm_proto::{Image, RunId};
 
 use super::links::HeardLinks;
+use super::told::{Why, WhyLink, as_text};
 use crate::geom::{PixelGrid, Point, Rect, Segment};
 use crate::tomo::{Extras, Imager, ImagingSettings, Link, LinkShare};
 
@@ -135,37 +135,37 @@ impl WhyJob {
         let shares = made.shares.ok_or("no link made this pixel")?;
         let nearest = shares.links.iter().map(|link| distance_m(link, shares.at));
         let untold = shares.links.iter().skip(TOLD).map(|link| link.share);
-        Ok(json!({
-            "run": self.run.0,
-            "emptyRun": self.empty_run.map(|run| run.0),
-            "at": [shares.at.x_m, shares.at.y_m],
-            "value_dbpm": shares.value,
-            "links": shares.links.len(),
-            "nearest_m": nearest.min_by(f64::total_cmp),
-            "residualRms_db": made.residual_rms_db,
-            "leastCovered_deg": least_covered_deg(&shares.links, shares.at),
-            "untold_dbpm": untold.sum::<f64>(),
-            "told": shares.links.iter().take(TOLD).map(|of| self.link(of)).collect::<Vec<_>>(),
-        })
-        .to_string())
+        let told = shares.links.iter().take(TOLD);
+        Ok(as_text(&Why {
+            run: self.run.0,
+            empty_run: self.empty_run.map(|run| run.0),
+            at: [shares.at.x_m, shares.at.y_m],
+            value_dbpm: shares.value,
+            links: shares.links.len(),
+            nearest_m: nearest.min_by(f64::total_cmp),
+            residual_rms_db: made.residual_rms_db,
+            least_covered_deg: least_covered_deg(&shares.links, shares.at),
+            untold_dbpm: untold.sum::<f64>(),
+            told: told.map(|of| self.link(of)).collect(),
+        }))
     }
 
-    fn link(&self, of: &LinkShare) -> Value {
+    fn link(&self, of: &LinkShare) -> WhyLink {
         let metres = |at: Point| [(at.x_m * 1e3).round() / 1e3, (at.y_m * 1e3).round() / 1e3];
         let parts = |value: f64| (value * 1e4).round() / 1e4;
         let by = self.heard.vehicles_between(self.run, of.from, of.to);
-        json!({
-            "from": metres(of.from),
-            "to": metres(of.to),
-            "length_m": parts(of.from.distance_to(of.to)),
-            "vehicles": by.iter().map(|id| id.0).collect::<Vec<_>>(),
-            "share_dbpm": parts(of.share),
-            "loss_db": parts(of.attenuation_db),
-            "sd_db": parts(of.sd_db),
-            "residual_db": parts(of.residual_db),
-            "packets": of.packets,
-            "misses": of.misses,
-        })
+        WhyLink {
+            from: metres(of.from),
+            to: metres(of.to),
+            length_m: parts(of.from.distance_to(of.to)),
+            vehicles: by.iter().map(|id| id.0).collect(),
+            share_dbpm: parts(of.share),
+            loss_db: parts(of.attenuation_db),
+            sd_db: parts(of.sd_db),
+            residual_db: parts(of.residual_db),
+            packets: of.packets,
+            misses: of.misses,
+        }
     }
 }
 
@@ -198,6 +198,7 @@ fn least_covered_deg(links: &[LinkShare], at: Point) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::dash::links::LinkBook;
+    use serde_json::{Value, json};
     use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples, VehicleId};
 
     fn job(at: Point) -> WhyJob {

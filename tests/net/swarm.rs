@@ -56,26 +56,43 @@ pub fn free_address() -> SocketAddr {
     }
 }
 
-/// A place among the scenarios that run at a time.
-struct Place;
+/// So many scenarios of a kind run at a time.
+struct Places {
+    most: usize,
+    taken: Mutex<usize>,
+    is_left: Condvar,
+}
 
-static TAKEN: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
+/// All scenarios; and of these the ones that depend on the time of single bytes, which others of their kind would hold up.
+static SCENARIOS: Places = Places::new(AT_A_TIME);
+static TO_THE_BYTE: Places = Places::new(1);
 
-impl Place {
-    fn take() -> Place {
-        let mut taken = TAKEN.0.lock().unwrap();
-        while *taken >= AT_A_TIME {
-            taken = TAKEN.1.wait(taken).unwrap();
+/// A place among the scenarios of a kind.
+struct Place(&'static Places);
+
+impl Places {
+    const fn new(most: usize) -> Places {
+        Places {
+            most,
+            taken: Mutex::new(0),
+            is_left: Condvar::new(),
+        }
+    }
+
+    fn take(&'static self) -> Place {
+        let mut taken = self.taken.lock().unwrap();
+        while *taken >= self.most {
+            taken = self.is_left.wait(taken).unwrap();
         }
         *taken += 1;
-        Place
+        Place(self)
     }
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        *TAKEN.0.lock().unwrap() -= 1;
-        TAKEN.1.notify_one();
+        *self.0.taken.lock().unwrap() -= 1;
+        self.0.is_left.notify_one();
     }
 }
 
@@ -265,7 +282,7 @@ pub struct Swarm {
     ground_options: Vec<String>,
     world_options: Vec<String>,
     began: Instant,
-    _place: Place,
+    places: Vec<Place>,
 }
 
 impl Swarm {
@@ -278,7 +295,7 @@ impl Swarm {
 
     /// Writes the files.
     pub fn prepare(size: Size) -> Swarm {
-        let place = Place::take();
+        let place = SCENARIOS.take();
         let nodes: Vec<Sender> = [GROUND]
             .into_iter()
             .chain((1..=size.vehicles).map(vehicle))
@@ -297,7 +314,7 @@ impl Swarm {
             ground_options: Vec::new(),
             world_options: Vec::new(),
             began: Instant::now(),
-            _place: place,
+            places: vec![place],
         };
         if size.relayed {
             swarm.relay_all(&nodes);
@@ -382,8 +399,9 @@ impl Swarm {
         }
     }
 
-    /// Gives every vehicle an XBee at a pseudo-terminal of the world.
+    /// Gives every vehicle an XBee at a pseudo-terminal of the world; waits until no other scenario has any.
     pub fn speak_by_xbee(&mut self) {
+        self.places.push(TO_THE_BYTE.take());
         self.world_options = ["--xbee-pty", "ports"].map(str::to_owned).to_vec();
         for id in 1..=self.size.vehicles {
             let name = format!("vehicle-{id}.toml");
@@ -652,6 +670,17 @@ impl Swarm {
             "{what}, after {:.1} s",
             began.elapsed().as_secs_f64()
         ));
+    }
+
+    /// Waits until no vehicle has a sample that was not taken from it.
+    pub fn until_delivered(&self, limit_s: u64) {
+        self.until("all samples are delivered", limit_s, |watch| {
+            let waiting = |id: u8| {
+                let health = watch.view.vehicle(VehicleId(id))?.health.as_ref()?;
+                Some(health.value.samples_waiting)
+            };
+            (1..=self.size.vehicles).all(|id| waiting(id) == Some(0))
+        });
     }
 
     pub fn note(&self, what: &str) {

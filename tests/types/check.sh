@@ -27,7 +27,7 @@ fi
 checked="$(mktemp -d)"
 trap 'rm -r "$checked"' EXIT
 mkdir "$checked/vendor"
-cp "$from"/*.js tests/types/page.d.ts "$checked"
+cp "$from"/*.js "$from"/*.d.ts tests/types/page.d.ts "$checked"
 # What comes from three.js is taken as it is: its own types are ten times the page.
 names="$(cat "$from"/*.js | tr "\n" " " \
     | grep -oE 'import \{[^}]*\} from "\./vendor/three\.js"' | sed -E 's/import \{([^}]*)\}.*/\1/' | tr -d ' ' | tr ',' '\n' | sort -u | grep .)"
@@ -38,5 +38,5 @@ done > "$checked/vendor/three.d.ts"
 
 cd "$checked"
 node "$tsc" --allowJs --checkJs --noEmit --strict false --target es2023 --lib es2023,dom,dom.iterable --module esnext \
-    --moduleResolution bundler *.js page.d.ts
+    --moduleResolution bundler *.js *.d.ts
 echo "types of the page's modules: $(ls *.js | wc -l) files, nothing to complain of"

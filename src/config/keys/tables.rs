@@ -1,5 +1,7 @@
 //! The tables of `configs/README.md`: every key with its default, what is allowed and what it means, as Markdown.
 
+use serde::Serialize;
+
 use super::super::overlay::Layer;
 use super::unit::unit;
 use super::writer::{list, number};
@@ -19,7 +21,8 @@ pub(in crate::config) struct Tables {
 }
 
 /// A key of a table with what is to be known of it, as people read it.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct DeclaredKey {
     /// Its name, with its unit.
     pub name: String,

@@ -357,10 +357,10 @@ fn a_way_is_told_by_itself_when_its_corners_change_and_when_it_ends() {
     assert!(other.contains(&way) && !other.contains(&row));
     assert!(board.subjects().contains(&way));
     let text = |board: &Board| crate::dash::texts::way(board, VehicleId(2));
-    let ahead = r#"{"ahead":[[3.0,0.0]],"id":2}"#;
+    let ahead = r#"{"id":2,"ahead":[[3.0,0.0]]}"#;
     assert_eq!(text(&board).as_deref(), Some(ahead));
     assert!(on(&mut board, None).contains(&way));
-    let none = r#"{"ahead":null,"id":2}"#;
+    let none = r#"{"id":2,"ahead":null}"#;
     assert_eq!(text(&board).as_deref(), Some(none));
     assert!(!board.subjects().contains(&way));
 }

@@ -1,11 +1,12 @@
 //! Pages, orders and the seat, without a network.
 
 use proptest::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::*;
 use crate::dash::frame::FrameKind;
 use crate::dash::gate::PAGES_MAX;
+use crate::dash::told::Showing;
 use crate::geom::Lattice;
 use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::outcome::OrderOutcome;
@@ -21,7 +22,16 @@ const OPERATE: &str = "ffeeddccbbaa99887766554433221100";
 
 fn server() -> PageServer {
     let gate = Gate::new(LOOK.to_owned(), OPERATE.to_owned());
-    PageServer::new(json!({}), venue(), Board::new(7, Lattice::new(0.1)), gate)
+    PageServer::new(place(), venue(), Board::new(7, Lattice::new(0.1)), gate)
+}
+
+/// What holds for the connection, in one frame.
+fn place() -> Place {
+    Place {
+        missions: Vec::new(),
+        heat: Vec::new(),
+        ..crate::dash::texts::place(&venue(), Showing::Live)
+    }
 }
 
 fn venue() -> Venue {
@@ -99,9 +109,12 @@ fn a_page_is_told_who_it_is_and_whether_it_may_order() {
         page(&mut server, 0.0, OPERATE),
     );
     let effects = server.due(at(0.0));
-    let welcome = |id| texts(&effects, id, FrameKind::Welcome);
-    assert_eq!(welcome(one), [json!({ "page": 1, "mayOrder": false })]);
-    assert_eq!(welcome(two), [json!({ "page": 2, "mayOrder": true })]);
+    for (id, (number, may_order)) in [(one, (1, false)), (two, (2, true))] {
+        let welcome = texts(&effects, id, FrameKind::Welcome);
+        let read = (&welcome[0]["page"], &welcome[0]["mayOrder"]);
+        assert_eq!(read, (&json!(number), &json!(may_order)));
+        assert_eq!((welcome.len(), &welcome[0]["showing"]), (1, &json!("LIVE")));
+    }
 }
 
 #[test]
@@ -441,7 +454,7 @@ fn marks_of_whoever_may_not_and_what_is_no_mark_are_refused_and_told_to_nobody()
     let unreadable = mark(&mut of_swarm, 1.0, OPERATE, r#"{"at":[1e9,0],"page":1}"#);
     assert!(matches!(unreadable, Err(GateRefusal::Unreadable(why)) if why.contains("too far")));
     let mut of_recording = PageServer::new(
-        json!({}),
+        place(),
         venue(),
         Board::new(7, Lattice::new(0.1)),
         Gate::looking_only(LOOK.to_owned()),
@@ -545,7 +558,7 @@ fn the_checks_before_a_start_are_those_of_the_moment_that_a_page_looks_at() {
 fn what_is_no_live_swarm_takes_no_orders_and_is_dated_by_its_own_time() {
     let board = Board::new(7, Lattice::new(0.1));
     let gate = Gate::looking_only(LOOK.to_owned());
-    let mut server = PageServer::new(json!({}), venue(), board, gate);
+    let mut server = PageServer::new(place(), venue(), board, gate);
     server.show_moment(at(0.0));
     let id = page(&mut server, 0.1, LOOK);
     server.hear(at(500.0), &heard(Message::State(state(1))));
@@ -737,7 +750,7 @@ fn times_outside_and_nonsense_are_the_nearest_or_refused() {
 #[test]
 fn a_recording_is_seen_from_its_beginning_and_its_end_is_no_present() {
     let gate = Gate::looking_only(LOOK.to_owned());
-    let mut server = PageServer::new(json!({}), venue(), Board::new(7, Lattice::new(0.1)), gate);
+    let mut server = PageServer::new(place(), venue(), Board::new(7, Lattice::new(0.1)), gate);
     for id in 1..=10 {
         server.hear(at(f64::from(id)), &heard(Message::State(state(id))));
         server.show_moment(at(f64::from(id)));

@@ -9,7 +9,8 @@ use super::pages::{self, Pages};
 use super::{DashError, PageAddress, simulated};
 use crate::config::Venue;
 use crate::dash::ghost::{self, Ghost};
-use crate::dash::texts::{Showing, place};
+use crate::dash::texts::place;
+use crate::dash::told::Showing;
 use crate::operator::HeardMessage;
 use crate::time::Time;
 

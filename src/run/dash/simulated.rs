@@ -10,8 +10,6 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
-use serde_json::Value;
-
 use super::super::clock::Clock;
 use super::pages::{self, Pages};
 use super::{DashError, PageAddress, token};
@@ -20,7 +18,8 @@ use crate::dash::board::Board;
 use crate::dash::gate::Gate;
 use crate::dash::page_server::PageServer;
 use crate::dash::scene_mesh::{scene_mesh, sensors};
-use crate::dash::texts::{Showing, place, truth};
+use crate::dash::texts::{place, truth};
+use crate::dash::told::{Place, Showing};
 use crate::exchange::software::RELEASE;
 use crate::geom::Lattice;
 use crate::ground::from_config::image_settings;
@@ -63,8 +62,8 @@ impl SimulationPage {
         let mut place = place(venue, Showing::Simulation);
         let outlines = scenario.outlines();
         let outlines = outlines.map_err(|error| DashError::Scenario(Box::new(error)))?;
-        place["truth"] = truth(&outlines, scenario.persons());
-        place["sensors"] = sensors(&scenario.sim().range);
+        place.truth = Some(truth(&outlines, scenario.persons()));
+        place.sensors = Some(sensors(&scenario.sim().range));
         let populated = scenario.populated();
         let populated = populated.map_err(|error| DashError::Scenario(Box::new(error)))?;
         let listening = pages::listen(&PageAddress::on_this_machine(port))?;
@@ -118,7 +117,7 @@ impl Drop for SimulationPage {
 ///
 /// # Errors
 /// [`DashError::Random`].
-pub(super) fn looking_only(venue: &Venue, place: Value) -> Result<(PageServer, String), DashError> {
+pub(super) fn looking_only(venue: &Venue, place: Place) -> Result<(PageServer, String), DashError> {
     let look = token()?;
     let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
     let gate = Gate::looking_only(look.clone());
