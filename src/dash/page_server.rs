@@ -27,7 +27,7 @@ use super::node_settings::NodeSettingsBook;
 use super::orders::{OrderRequest, OrderWord, STOP_WITHIN};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
-use super::told::{Place, Welcome, as_text};
+use super::told::{Place, as_text};
 use crate::config::{Config, Venue, to_toml};
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
@@ -311,11 +311,7 @@ impl PageServer {
         let right = self
             .gate
             .right_of(said.token.as_deref().unwrap_or_default())?;
-        let welcome = Welcome {
-            place: self.place.clone(),
-            page: id.0,
-            may_order: right == Right::Operate,
-        };
+        let welcome = self.place.welcome(id.0, right == Right::Operate);
         let newest = newest(&self.board, present, &self.history);
         page.outbox = Some(Outbox::new(now, &as_text(&welcome), &newest));
         page.secret = said.secret;

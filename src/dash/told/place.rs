@@ -116,3 +116,14 @@ told! {
         pub vehicles: Vec<u8>,
     }
 }
+
+impl Place {
+    /// Returns the first text of the connection of a page.
+    pub fn welcome(&self, page: u32, may_order: bool) -> Welcome {
+        Welcome {
+            place: self.clone(),
+            page,
+            may_order,
+        }
+    }
+}
