@@ -672,17 +672,6 @@ impl Swarm {
         ));
     }
 
-    /// Waits until no vehicle has a sample that was not taken from it.
-    pub fn until_delivered(&self, limit_s: u64) {
-        self.until("all samples are delivered", limit_s, |watch| {
-            let waiting = |id: u8| {
-                let health = watch.view.vehicle(VehicleId(id))?.health.as_ref()?;
-                Some(health.value.samples_waiting)
-            };
-            (1..=self.size.vehicles).all(|id| waiting(id) == Some(0))
-        });
-    }
-
     pub fn note(&self, what: &str) {
         println!("{:5.1} s {what}", self.began.elapsed().as_secs_f64());
     }
