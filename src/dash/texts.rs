@@ -25,7 +25,7 @@ use super::told::{
     ToldStop, ToldTimetable, ToldTrack, ToldVehicle, TruePerson, Truth, VehicleHealth,
     VehicleMission, Way, as_text,
 };
-use crate::config::{DeclaredKey, GivenMission, Venue};
+use crate::config::{GivenMission, Venue};
 use crate::geom::{Point, Polygon, Rect};
 use crate::operator::given_marks::MarkOutcome;
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
@@ -38,10 +38,7 @@ use crate::tomo::ImagingSettings;
 /// Returns what holds for the whole connection of any page, of a run of which no truth is known.
 pub fn place(venue: &Venue, showing: Showing) -> Place {
     let colour = |id| crate::draw::vehicle_colour(VehicleId(id)).rgb;
-    let mission = |(kind, keys): (&str, Vec<DeclaredKey>)| DeclaredMission {
-        kind: kind.to_owned(),
-        keys,
-    };
+    let missions = GivenMission::declared().map(|(kind, keys)| DeclaredMission { kind, keys });
     Place {
         showing,
         venue: venue.name.clone(),
@@ -55,7 +52,7 @@ pub fn place(venue: &Venue, showing: Showing) -> Place {
         stands_under: STANDS_UNDER.to_vec(),
         vehicle_colours: (1..=8).map(colour).collect(),
         heat: crate::draw::heat_colours(),
-        missions: GivenMission::declared().map(mission).collect(),
+        missions: missions.collect(),
         truth: None,
         sensors: None,
         ghost: None,

@@ -73,7 +73,7 @@ told! {
     /// A kind of mission.
     pub struct DeclaredMission {
         /// The word for it.
-        pub kind: String,
+        pub kind: &'static str,
         /// Its keys.
         pub keys: Vec<DeclaredKey>,
     }
