@@ -1,7 +1,8 @@
 //! What a node still has to send: kept by class and topic while the budget is spent, so that a slow link never delays what
 //! is urgent, and old news gives way to new. Pure: it is told the time, and sends nothing itself.
 //!
-//! Urgent frames go at once, whatever was sent before. Of the others the higher class goes first; of one topic only
+//! Urgent frames go at once, whatever was sent before. Of the others the higher class goes first, and while a lower one
+//! waits it leaves that an eighth of what it sends: a map that is repaired for minutes holds up no samples. Of one topic only
 //! the newest is kept.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -14,11 +15,13 @@ use super::table::{Urgency, row};
 use super::token_bucket::TokenBucket;
 use crate::time::Time;
 
-/// Bytes that may wait at most; beyond that the lowest class loses its oldest.
+/// Bytes that may wait at most; beyond that the class that keeps most of them loses its oldest, of equal ones the lower.
 const WAITING: usize = 1 << 20;
 /// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them. So are lines of its log,
 /// and parts of its settings.
 const BATCHES: usize = 2;
+/// Of what a class sends, one part in so many is left to each class below that waits.
+const SHARE_BELOW: usize = 8;
 
 /// A frame that a node says, with what is to be known to send it.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -54,12 +57,50 @@ impl OutboundFrame {
     }
 }
 
+/// What waits of one class.
+#[derive(Debug, Default)]
+struct WaitingClass {
+    frames: VecDeque<OutboundFrame>,
+    bytes: usize,
+    /// Bytes that it may send before what presses more.
+    credit: usize,
+}
+
+impl WaitingClass {
+    fn push(&mut self, offered: OutboundFrame) {
+        let older = |known: &&mut OutboundFrame| known.is_replaced && known.topic == offered.topic;
+        self.bytes += offered.frame.len();
+        match self.frames.iter_mut().find(older) {
+            Some(known) => {
+                self.bytes -= known.frame.len();
+                *known = offered;
+            }
+            None => self.frames.push_back(offered),
+        }
+    }
+
+    fn pop(&mut self) -> Option<OutboundFrame> {
+        let frame = self.frames.pop_front()?;
+        self.bytes -= frame.frame.len();
+        Some(frame)
+    }
+
+    /// Returns the length of what goes next.
+    fn next_bytes(&self) -> Option<usize> {
+        Some(self.frames.front()?.frame.len())
+    }
+
+    /// Returns whether it may go before what presses more.
+    fn has_credit(&self) -> bool {
+        self.next_bytes().is_some_and(|bytes| bytes <= self.credit)
+    }
+}
+
 /// What waits to be sent.
 #[derive(Debug)]
 pub struct Egress {
     budget: TokenBucket,
-    waiting: BTreeMap<Urgency, VecDeque<OutboundFrame>>,
-    bytes: usize,
+    waiting: BTreeMap<Urgency, WaitingClass>,
     dropped: u64,
 }
 
@@ -71,7 +112,6 @@ impl Egress {
         Egress {
             budget,
             waiting: BTreeMap::new(),
-            bytes: 0,
             dropped: 0,
         }
     }
@@ -82,11 +122,12 @@ impl Egress {
             self.budget.owe(now, offered.frame.len());
             return Some(offered);
         }
-        let is_turn = self
-            .waiting
-            .range(..=offered.class)
-            .all(|(_, waiting)| waiting.is_empty());
+        let is_turn = !self.waiting.iter().any(|(class, waiting)| {
+            let goes_first = *class <= offered.class || waiting.has_credit();
+            goes_first && !waiting.frames.is_empty()
+        });
         if is_turn && self.budget.spend(now, offered.frame.len()) {
+            self.give_credit(offered.class, offered.frame.len());
             return Some(offered);
         }
         self.keep(offered);
@@ -95,21 +136,25 @@ impl Egress {
 
     /// Returns the next frame that may go now.
     pub fn due(&mut self, now: Time) -> Option<OutboundFrame> {
-        let waiting = self
-            .waiting
-            .values_mut()
-            .find(|waiting| !waiting.is_empty())?;
-        let bytes = waiting.front()?.frame.len();
-        if !self.budget.spend(now, bytes) {
+        let class = self.next_class()?;
+        let waiting = self.waiting.get_mut(&class)?;
+        if !self.budget.spend(now, waiting.next_bytes()?) {
             return None;
         }
-        self.bytes -= bytes;
-        waiting.pop_front()
+        let frame = waiting.pop()?;
+        let bytes = frame.frame.len();
+        // What has waited in vain pays with what it was given meanwhile; who has nothing to send is owed nothing.
+        waiting.credit = match waiting.frames.is_empty() {
+            true => 0,
+            false => waiting.credit.saturating_sub(bytes),
+        };
+        self.give_credit(class, bytes);
+        Some(frame)
     }
 
     /// Returns when the next frame may go; `None` when nothing waits.
     pub fn next(&self) -> Option<Time> {
-        (self.bytes > 0).then(|| self.budget.next())
+        self.next_class().map(|_| self.budget.next())
     }
 
     /// Returns how many frames were dropped because too much waited, or too many batches of one kind.
@@ -117,38 +162,43 @@ impl Egress {
         self.dropped
     }
 
+    /// Returns which class goes next: the lowest one whose share covers what it has, or else the highest.
+    fn next_class(&self) -> Option<Urgency> {
+        let on_credit = self.waiting.iter().rev().find(|(_, of)| of.has_credit());
+        let highest = || self.waiting.iter().find(|(_, of)| !of.frames.is_empty());
+        on_credit.or_else(highest).map(|(class, _)| *class)
+    }
+
+    /// Leaves the classes below one, where they wait, their share of what it sends.
+    fn give_credit(&mut self, class: Urgency, bytes: usize) {
+        for (below, waiting) in &mut self.waiting {
+            if *below > class && !waiting.frames.is_empty() {
+                waiting.credit += bytes.div_ceil(SHARE_BELOW);
+            }
+        }
+    }
+
     fn keep(&mut self, offered: OutboundFrame) {
         let waiting = self.waiting.entry(offered.class).or_default();
         let is_alike =
             |frame: &&OutboundFrame| !frame.is_replaced && frame.topic.kind == offered.topic.kind;
         let is_batch = offered.class == Urgency::Low && !offered.is_replaced;
-        if is_batch && waiting.iter().filter(is_alike).count() >= BATCHES {
+        if is_batch && waiting.frames.iter().filter(is_alike).count() >= BATCHES {
             self.dropped += 1;
             return;
         }
-        self.bytes += offered.frame.len();
-        let older = |known: &&mut OutboundFrame| known.is_replaced && known.topic == offered.topic;
-        match waiting.iter_mut().find(older) {
-            Some(known) => {
-                self.bytes -= known.frame.len();
-                *known = offered;
-            }
-            None => waiting.push_back(offered),
-        }
-        while self.bytes > WAITING {
-            let Some(lowest) = self
-                .waiting
-                .values_mut()
-                .rev()
-                .find(|waiting| !waiting.is_empty())
-            else {
+        waiting.push(offered);
+        while self.bytes() > WAITING {
+            let fullest = self.waiting.values_mut().max_by_key(|of| of.bytes);
+            if fullest.and_then(WaitingClass::pop).is_none() {
                 return;
-            };
-            if let Some(lost) = lowest.pop_front() {
-                self.bytes -= lost.frame.len();
-                self.dropped += 1;
             }
+            self.dropped += 1;
         }
+    }
+
+    fn bytes(&self) -> usize {
+        self.waiting.values().map(|of| of.bytes).sum()
     }
 }
 
@@ -320,6 +370,45 @@ mod tests {
     }
 
     #[test]
+    fn of_a_map_that_is_sent_for_long_samples_get_their_share() {
+        let mut egress = spent();
+        for number in 0..300 {
+            let tile = frame(Urgency::Normal, &format!("tile/{number}"), 1000);
+            assert!(egress.offer(Time::ZERO, tile).is_none());
+        }
+        let mut sent = BTreeMap::new();
+        for second in 1..=200 {
+            let now = Time::from_secs_f64(f64::from(second));
+            let batch = OutboundFrame {
+                is_replaced: false,
+                ..frame(Urgency::Low, "samples", 2000)
+            };
+            let went = egress.offer(now, batch).into_iter();
+            // What another vehicle asks for again goes as soon as there is anything left of the budget.
+            let again = frame(Urgency::Normal, &format!("tile/{}", second + 300), 1000);
+            let went = went.chain(egress.offer(now, again)).collect::<Vec<_>>();
+            let due = std::iter::from_fn(|| egress.due(now)).collect::<Vec<_>>();
+            for frame in went.into_iter().chain(due) {
+                *sent.entry(frame.class).or_insert(0) += frame.frame.len();
+            }
+        }
+        let (tiles, samples) = (sent[&Urgency::Normal], sent[&Urgency::Low]);
+        assert!((190_000..=210_000).contains(&(tiles + samples)), "{sent:?}");
+        assert!(samples * 9 > tiles && samples * 7 < tiles, "{sent:?}");
+    }
+
+    #[test]
+    fn a_flood_of_one_class_takes_no_room_from_another() {
+        let mut egress = spent();
+        for number in 0..3000 {
+            let tile = frame(Urgency::Normal, &format!("tile/{number}"), 1000);
+            egress.offer(Time::ZERO, tile);
+        }
+        let all = all_due(&mut egress);
+        assert!(all.contains(&"second".to_owned()), "{}", all.len());
+    }
+
+    #[test]
     fn what_waits_is_bounded_and_the_lowest_class_loses() {
         let mut egress = spent();
         for number in 0..3000 {
@@ -328,7 +417,7 @@ mod tests {
                 frame(Urgency::Normal, &format!("tile/{number}"), 1000),
             );
         }
-        assert!(egress.bytes <= WAITING);
+        assert!(egress.bytes() <= WAITING);
         assert!(egress.dropped() > 1900);
         assert!(
             egress

@@ -148,6 +148,8 @@ fn a_vehicle_that_floods_stops_nobody() {
         let _ends = EndsFlood(&is_over);
         swarm.begin();
         swarm.until_end();
+        // While it still floods, and while what it has said of its map is passed on.
+        swarm.until_delivered();
     });
     for node in [GROUND, vehicle(1), vehicle(2)] {
         assert!(

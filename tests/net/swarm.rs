@@ -743,6 +743,17 @@ impl Swarm {
         self.until("the sweep has ended", 120, Watch::has_ended);
     }
 
+    /// Waits until the ground has confirmed all that the vehicles have measured.
+    pub fn until_delivered(&self) {
+        let waits = |watch: &Watch, id| {
+            let health = watch.view.vehicle(VehicleId(id))?.health.as_ref()?;
+            Some(health.value.samples_waiting)
+        };
+        self.until("all samples are stored", 20, |watch| {
+            (1..=self.size.vehicles).all(|id| waits(watch, id) == Some(0))
+        });
+    }
+
     /// Waits until the maps of all nodes are equal.
     pub fn until_maps_equal(&self, limit_s: u64) {
         let nodes: BTreeSet<Sender> = self.addresses.keys().copied().collect();
