@@ -5,6 +5,7 @@
 //! reads files, knows vehicles or asks for the time.
 
 mod bins;
+mod box_grid;
 mod calibrate;
 mod censored;
 mod cholesky;
@@ -76,7 +77,6 @@ pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
 pub use tsvd::tsvd;
 pub use volume::{
-    MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeError, VolumeLink, VolumePrior, VoxelGrid,
-    reconstruct_volume,
+    MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeError, VolumeLink, VoxelGrid, reconstruct_volume,
 };
 pub use weights::{WeightModel, WeightRows};

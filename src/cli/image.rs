@@ -74,7 +74,8 @@ pub struct ImageCommand {
     #[arg(long, value_name = "METRES", value_parser = parse_cell, allow_negative_numbers = true)]
     pub cell: Option<f64>,
     /// Makes an image in three dimensions, of so many layers between the lowest and the highest end. Needs heights (the columns
-    /// tx_z_m and rx_z_m) and an empty sweep between the same places; --png and --npy then hold all layers, --json the strongest voxel
+    /// tx_z_m and rx_z_m) and an empty sweep between the same places, and takes every --solver but points; --png and --npy then hold
+    /// all layers, --json the strongest voxel
     #[arg(long, value_name = "N", requires = "empty", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub layers: Option<u16>,
     /// Writes a picture

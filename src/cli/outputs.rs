@@ -414,7 +414,7 @@ fn shares_json(shares: &PixelShares) -> Value {
 }
 
 /// Returns a choice as the JSON output shows it.
-fn choice_json(choice: &Choice) -> Value {
+pub(super) fn choice_json(choice: &Choice) -> Value {
     let score = |score: &Score| {
         json!({"solver": score.candidate.words(), "likelihood": score.likelihood,
             "behind": score.behind, "behind_sd": score.behind_sd})
@@ -423,7 +423,7 @@ fn choice_json(choice: &Choice) -> Value {
 }
 
 /// Returns a solver as the JSON output shows it, with what it believes.
-fn solver_json(solver: &Solver) -> Value {
+pub(super) fn solver_json(solver: &Solver) -> Value {
     let sparse = |name: &str, of: Sparse| {
         let Sparse { prior, sparsity } = of;
         let (variance, length_m) = (prior.variance, prior.length_m);

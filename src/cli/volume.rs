@@ -14,7 +14,8 @@ use super::image::{ImageCommand, bounds, print, read_with};
 use super::image_checks::warning_of_itself;
 use super::image_settings::warning_of_part;
 use super::image_text::{LEAST_SHOWN, dropped_in_words};
-use super::outputs::{PendingFile, about, dropped_json};
+use super::image_values::SolverName;
+use super::outputs::{PendingFile, about, choice_json, dropped_json, solver_json};
 use super::recording::{Recording, read_recording};
 use super::standard_output::complain;
 use crate::config::SourceFile;
@@ -22,7 +23,7 @@ use crate::draw::{DrawError, HeatMap, Picture, described};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
     DropReason, DroppedLinks, ImagingSettings, Link, MOST_VOLUME_LINKS, MOST_VOXELS, NoiseModel,
-    Volume, VolumeError, VolumeLink, VolumePrior, VoxelGrid, floor_dbm, reconstruct_volume,
+    Solver, Volume, VolumeError, VolumeLink, VoxelGrid, floor_dbm, reconstruct_volume,
 };
 
 /// Voxels along the longer side, unless it is said.
@@ -68,26 +69,25 @@ pub(super) fn run(
     if let Some(warning) = warning_of_part(command.area, bounds(now.links.iter())) {
         complain(&warning);
     }
-    let length_m = ImagingSettings::prior_for(area_of(&grid)).length_m;
-    let prior = VolumePrior {
-        variance: ImagingSettings::prior_for(area_of(&grid)).variance,
-        length_m,
-        height_m: length_m,
-    };
-    let volume = reconstruct_volume(&links, grid, prior)
+    let solver = solver_of(command, area_of(&grid));
+    let volume = reconstruct_volume(&links, grid, &solver)
         .map_err(|problem| refused(why_no_volume(problem, &grid)))?;
     if volume.used < links.len() {
         dropped.insert(DropReason::OutsideArea, links.len() - volume.used);
     }
     command.check_links(volume.used, &dropped)?;
-    let files = filled(command, &volume, &dropped, &made_from)?;
+    let files = filled(command, &volume, &solver, &dropped, &made_from)?;
     let [x_m, y_m, z_m] = grid.centre(volume.strongest());
     let strongest = match volume.values[volume.strongest()] {
         none if none < LEAST_SHOWN => format!("nothing reaches {LEAST_SHOWN} dB/m"),
         some => format!("strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {some:.2} dB/m"),
     };
+    let chosen = match &volume.choice {
+        Some(choice) => choice.words() + "\n",
+        None => String::new(),
+    };
     let text = format!(
-        "links: {}, {} used, residual {:.2} dB\n{}{strongest}\n",
+        "links: {}, {} used, residual {:.2} dB\n{}{chosen}{strongest}\n",
         volume.used + dropped.values().sum::<usize>(),
         volume.used,
         volume.residual_rms_db,
@@ -96,6 +96,16 @@ pub(super) fn run(
     // A command that ends with an error leaves no file.
     print(out, &text)?;
     Ok(files.into_iter().try_for_each(PendingFile::finish)?)
+}
+
+/// Returns how a volume of an area is found.
+fn solver_of(command: &ImageCommand, area: Rect) -> Solver {
+    let mut settings = ImagingSettings::for_change(area);
+    command
+        .solver
+        .unwrap_or(SolverName::Auto)
+        .choose(&mut settings);
+    settings.solver
 }
 
 /// Returns why there is no volume, and which limit is exceeded.
@@ -113,7 +123,7 @@ fn why_no_volume(problem: VolumeError, grid: &VoxelGrid) -> String {
             "found {links} links through the volume, expected at most {MOST_VOLUME_LINKS} with --layers: a part of the \
              recording, or a smaller --area"
         ),
-        VolumeError::NoAnswer => {
+        VolumeError::Persons | VolumeError::NoAnswer => {
             "found links whose numbers leave no volume, expected strengths and places of a usual size".to_owned()
         }
     }
@@ -127,7 +137,10 @@ fn check_options(command: &ImageCommand, layers: usize) -> Result<(), CliError> 
         )));
     }
     let given = [
-        ("--solver", command.solver.is_some()),
+        (
+            "--solver points",
+            command.solver == Some(SolverName::Points),
+        ),
         ("--weights", command.weights.is_some()),
         ("--why", command.why.is_some()),
         ("--peaks", command.peaks.is_some()),
@@ -257,6 +270,7 @@ fn lost(now: &Pooled, partner: Option<&Pooled>, floor_dbm: f64) -> Result<Volume
         to_m: now.ends[1],
         attenuation_db: empty_is.mean_dbm - now_is.mean_dbm,
         sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
+        is_at_floor: now.link.is_silent(),
     })
 }
 
@@ -306,6 +320,7 @@ fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<Vox
 fn filled(
     command: &ImageCommand,
     volume: &Volume,
+    solver: &Solver,
     dropped: &DroppedLinks,
     made_from: &[SourceFile],
 ) -> Result<Vec<PendingFile>, CliError> {
@@ -330,6 +345,8 @@ fn filled(
             "links": volume.used,
             "dropped": dropped_json(dropped),
             "residual_db": volume.residual_rms_db,
+            "solver": solver_json(solver),
+            "choice": volume.choice.as_ref().map(choice_json),
             "low_m": grid.low_m,
             "high_m": grid.high_m,
             "voxels": grid.counts,

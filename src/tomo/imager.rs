@@ -11,6 +11,7 @@ use crate::geom::{Point, Segment};
 
 use self::empty_scene::EmptyScene;
 use self::memory::check_memory;
+use super::box_grid::BoxGrid;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate_around};
 use super::deviation::{DeviationInputs, deviation};
 use super::error::TomoError;
@@ -324,6 +325,7 @@ impl Imager {
             model: self.settings.finds.person,
             ring: self.settings.ring,
             smear_m: driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt()),
+            grid: self.settings.grid,
         })
     }
 
@@ -435,10 +437,9 @@ impl Imager {
         watch: Watch<'_>,
     ) -> Solved {
         let nuisance = nuisance_of(calibrated);
-        let grid = self.settings.grid;
         let problem = LinkProblem {
             rows,
-            grid: &grid,
+            boxes: BoxGrid::of_pixels(&self.settings.grid),
             observations: &calibrated.observations,
             nuisance: &nuisance,
             watch,

@@ -29,11 +29,12 @@ use self::non_negative::Descent;
 use self::robust::{LinkState, solve_robustly};
 use self::total_variation::PrimalDual;
 use super::Observation;
+use super::box_grid::BoxGrid;
 use super::map_solver::Nuisance;
 use super::progress::Watch;
 use super::student::doubted;
+use super::tikhonov::smoothed;
 use super::weights::WeightRows;
-use crate::geom::PixelGrid;
 
 /// What images may be chosen from.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -47,9 +48,9 @@ pub struct Candidates {
 /// What is measured, and how it depends on the image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinkProblem<'a> {
-    /// Rows = links, columns = pixels, metres.
+    /// Rows = links, columns = pixels or voxels, metres.
     pub rows: &'a WeightRows,
-    pub grid: &'a PixelGrid,
+    pub boxes: BoxGrid,
     pub observations: &'a [Observation],
     /// The unknowns of the path loss.
     pub nuisance: &'a [Nuisance],
@@ -93,10 +94,10 @@ const THOROUGH: Effort = Effort {
 };
 
 /// Solves by smoothness; all links weigh the same.
-pub(super) fn tikhonov(problem: &LinkProblem<'_>, alpha_m2: f64) -> Solved {
+pub(super) fn tikhonov(problem: &LinkProblem<'_>, alpha: f64) -> Solved {
     let links = problem.observations.iter();
     let attenuation_db: Vec<f64> = links.map(|link| link.attenuation_db).collect();
-    let image = super::tikhonov(problem.rows, problem.grid, &attenuation_db, alpha_m2);
+    let image = smoothed(problem.rows, &problem.boxes, &attenuation_db, alpha);
     linearly_solved(problem, image)
 }
 
@@ -104,7 +105,7 @@ pub(super) fn tikhonov(problem: &LinkProblem<'_>, alpha_m2: f64) -> Solved {
 pub(super) fn tsvd(problem: &LinkProblem<'_>, share: f64) -> Solved {
     let links = problem.observations.iter();
     let attenuation_db: Vec<f64> = links.map(|link| link.attenuation_db).collect();
-    let image = super::tsvd(problem.rows, problem.grid.len(), &attenuation_db, share);
+    let image = super::tsvd(problem.rows, problem.boxes.len(), &attenuation_db, share);
     linearly_solved(problem, image)
 }
 
@@ -133,7 +134,7 @@ pub(super) fn auto(
 /// Solves by the non-negative image under a smooth prior.
 pub(super) fn non_negative(problem: &LinkProblem<'_>, sparse: Sparse) -> Solved {
     let used = [vec![true; problem.observations.len()]];
-    let mut image = vec![[0.0]; problem.grid.len()];
+    let mut image = vec![[0.0]; problem.boxes.len()];
     let states = descend(problem, &used, THOROUGH, sparse, &mut image);
     solved(problem, &states, &image)
 }
@@ -146,7 +147,7 @@ pub(super) fn points(problem: &LinkProblem<'_>, sparse: Sparse, persons: &Person
         ..*problem
     };
     let mut solved = non_negative(&problem, sparse);
-    persons.draw(problem.grid, &mut solved.image);
+    persons.draw(&mut solved.image);
     solved.are_persons_drawn = true;
     solved
 }
@@ -177,8 +178,8 @@ fn chosen(
 
 fn vary_thoroughly(problem: &LinkProblem<'_>, variation: Variation) -> Solved {
     let used = [vec![true; problem.observations.len()]];
-    let mut image = vec![[0.0]; problem.grid.len()];
-    let mut solver = PrimalDual::new(problem.rows, problem.grid, variation);
+    let mut image = vec![[0.0]; problem.boxes.len()];
+    let mut solver = PrimalDual::new(problem.rows, problem.boxes, variation);
     let states = vary(problem, &used, THOROUGH, &mut solver, &mut image);
     solved(problem, &states, &image)
 }
@@ -210,7 +211,7 @@ fn descend<const LANES: usize>(
     sparse: Sparse,
     images: &mut [[f64; LANES]],
 ) -> [LinkState; LANES] {
-    let mut solver = Descent::new(problem.rows, problem.grid, sparse);
+    let mut solver = Descent::new(problem.rows, problem.boxes, sparse);
     solve_robustly(
         problem,
         used,

@@ -7,6 +7,7 @@
 
 use crate::geom::PixelGrid;
 
+use super::box_grid::BoxGrid;
 use super::cholesky::dot;
 use super::weights::WeightRows;
 
@@ -22,10 +23,20 @@ pub fn tikhonov(
     attenuation_db: &[f64],
     alpha_m2: f64,
 ) -> Vec<f64> {
-    let mut right = vec![0.0; grid.len()];
+    smoothed(rows, &BoxGrid::of_pixels(grid), attenuation_db, alpha_m2)
+}
+
+/// Returns the image on pixels or voxels, dB/m; α is in m² of pixels, in m of voxels.
+pub(super) fn smoothed(
+    rows: &WeightRows,
+    boxes: &BoxGrid,
+    attenuation_db: &[f64],
+    alpha: f64,
+) -> Vec<f64> {
+    let mut right = vec![0.0; boxes.len()];
     rows.backward(attenuation_db, &mut right);
-    let mut image = vec![0.0; grid.len()];
-    let mut product = vec![0.0; grid.len()];
+    let mut image = vec![0.0; boxes.len()];
+    let mut product = vec![0.0; boxes.len()];
     let mut links = vec![0.0; rows.len()];
     let mut direction = right.clone();
     let mut square = dot(&right, &right);
@@ -36,7 +47,7 @@ pub fn tikhonov(
         }
         rows.forward(&direction, &mut links);
         rows.backward(&links, &mut product);
-        add_roughness(grid, &direction, alpha_m2, &mut product);
+        add_roughness(boxes, &direction, alpha, &mut product);
         let length = square / dot(&direction, &product);
         image
             .iter_mut()
@@ -57,26 +68,20 @@ pub fn tikhonov(
 }
 
 /// Adds α Dᵀ D x, and the ridge.
-fn add_roughness(grid: &PixelGrid, image: &[f64], alpha_m2: f64, output: &mut [f64]) {
-    let (dx_m, dy_m) = (grid.dx_m(), grid.dy_m());
-    let (east_m2, north_m2) = (alpha_m2 * (dy_m / dx_m), alpha_m2 * (dx_m / dy_m));
-    let mut join = |a: usize, b: usize, weight_m2: f64| {
-        let flow = weight_m2 * (image[a] - image[b]);
-        output[a] += flow;
-        output[b] -= flow;
-    };
-    for pixel in 0..grid.len() {
-        if (pixel + 1) % grid.columns != 0 {
-            join(pixel, pixel + 1, east_m2);
+fn add_roughness(boxes: &BoxGrid, image: &[f64], alpha: f64, output: &mut [f64]) {
+    let of_faces = boxes.of_faces(alpha);
+    boxes.each_box(|here, next| {
+        for (next, weight) in next.into_iter().zip(of_faces) {
+            let Some(next) = next else { continue };
+            let flow = weight * (image[here] - image[next]);
+            output[here] += flow;
+            output[next] -= flow;
         }
-        if pixel + grid.columns < grid.len() {
-            join(pixel, pixel + grid.columns, north_m2);
-        }
-    }
+    });
     output
         .iter_mut()
         .zip(image)
-        .for_each(|(output, value)| *output += RIDGE * alpha_m2 * value);
+        .for_each(|(output, value)| *output += RIDGE * alpha * value);
 }
 
 #[cfg(test)]

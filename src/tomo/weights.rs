@@ -219,9 +219,18 @@ impl WeightRows {
     }
 
     fn push_line(&mut self, link: Segment, grid: &PixelGrid) {
-        let mut chords = chords(link, grid);
-        chords.sort_by_key(|(pixel, _)| *pixel);
-        for (pixel, length_m) in chords {
+        self.push_lengths(chords(link, grid));
+    }
+
+    /// Appends the row of a link with its length in each box of an image, metres.
+    pub(super) fn push_row(&mut self, lengths_m: Vec<(u32, f64)>) {
+        self.push_lengths(lengths_m);
+        self.row_starts.push(self.runs.len() as u32);
+    }
+
+    fn push_lengths(&mut self, mut lengths_m: Vec<(u32, f64)>) {
+        lengths_m.sort_by_key(|(pixel, _)| *pixel);
+        for (pixel, length_m) in lengths_m {
             self.push_value(pixel, length_m, true);
         }
     }

@@ -279,6 +279,22 @@ fn links_with_heights_make_a_volume() {
         .collect();
     assert!((at[0] - 4.0).hypot(at[1] - 6.0) < 0.8, "{at:?}");
     assert_eq!(at[2], 1.5);
+    assert_eq!(report["solver"]["name"], "auto");
+    assert!(report["choice"]["scores"].as_array().unwrap().len() == 4);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("solver: "), "{said}");
+    for solver in ["map", "tikhonov", "tsvd", "nn", "tv"] {
+        let by = ["--solver", solver, "--json", "v.json"];
+        let output = tomoswarm(folder.path(), &[&asked[..], &by].concat());
+        assert!(output.status.success(), "{solver}: {output:?}");
+        let text = fs::read_to_string(folder.path().join("v.json")).unwrap();
+        let report: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(report["solver"]["name"], solver);
+    }
+    let points = [&asked[..], &["--solver", "points"]].concat();
+    let (now, empty) = (with_heights(false), with_heights(true));
+    let files = [("now.csv", now.as_str()), ("empty.csv", empty.as_str())];
+    check_refused(&files, &points, &["--solver points is not for --layers"]);
     let npy = fs::read(folder.path().join("v.npy")).unwrap();
     assert!(String::from_utf8_lossy(&npy[..128]).contains("(2, 20, 20)"));
     assert_eq!(npy.len(), 128 + 4 * 800);

@@ -264,15 +264,15 @@ impl Told<'_> {
         let problem = self.problem;
         let effort = if self.earlier.is_some() { NEXT } else { FIRST };
         let (solver, images) = self.earlier.get_or_insert_with(|| {
-            let solver = PrimalDual::new(problem.rows, problem.grid, variation);
-            (solver, vec![[0.0; FOLDS]; problem.grid.len()])
+            let solver = PrimalDual::new(problem.rows, problem.boxes, variation);
+            (solver, vec![[0.0; FOLDS]; problem.boxes.len()])
         });
         solver.set_variation(variation);
         untold_db(problem, &vary(problem, &self.used, effort, solver, images))
     }
 
     fn descend(&self, problem: &LinkProblem<'_>) -> Vec<f64> {
-        let mut images = vec![[0.0; FOLDS]; problem.grid.len()];
+        let mut images = vec![[0.0; FOLDS]; problem.boxes.len()];
         let states = descend(problem, &self.used, SPARSE, self.sparse, &mut images);
         untold_db(problem, &states)
     }

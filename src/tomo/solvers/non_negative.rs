@@ -6,13 +6,13 @@
 //! ```
 //!
 //! The quadratic form is the inverse of the exponential covariance σ² exp(−r/δ) up to the second power of the wave number:
-//! (1 + δ²k²)^(3/2) ≈ 1 + 3/2 δ²k². By FISTA (Beck and Teboulle 2009) with restart, each pixel with a step of its own: for
+//! (1 + δ²k²)^(3/2) ≈ 1 + 3/2 δ²k². In space it is (1 + δ²k²)² ≈ 1 + 2 δ²k², a = 1 / (8π σ² δ³) and b = 2 δ² a. By FISTA (Beck and Teboulle 2009) with restart, each pixel with a step of its own: for
 //! weights that are not negative, the row sums of the curvature bound it from above.
 
 use serde::{Deserialize, Serialize};
 
 use super::robust::Linearised;
-use crate::geom::PixelGrid;
+use crate::tomo::box_grid::BoxGrid;
 use crate::tomo::prior::Prior;
 use crate::tomo::weights::WeightRows;
 
@@ -21,7 +21,7 @@ use crate::tomo::weights::WeightRows;
 pub struct Sparse {
     /// σ² and δ.
     pub prior: Prior,
-    /// Cost of the sum of attenuation, 1/(dB m).
+    /// Cost of the sum of attenuation, 1/(dB m); in space 1/(dB m²).
     pub sparsity: f64,
 }
 
@@ -29,22 +29,18 @@ pub struct Sparse {
 #[derive(Clone, Debug)]
 pub(super) struct Descent<'a, const LANES: usize> {
     rows: &'a WeightRows,
-    grid: &'a PixelGrid,
+    boxes: BoxGrid,
     sparse: Sparse,
     slope: Vec<[f64; LANES]>,
 }
 
 impl<'a, const LANES: usize> Descent<'a, LANES> {
-    pub(super) fn new(
-        rows: &'a WeightRows,
-        grid: &'a PixelGrid,
-        sparse: Sparse,
-    ) -> Descent<'a, LANES> {
+    pub(super) fn new(rows: &'a WeightRows, boxes: BoxGrid, sparse: Sparse) -> Descent<'a, LANES> {
         Descent {
             rows,
-            grid,
+            boxes,
             sparse,
-            slope: vec![[0.0; LANES]; grid.len()],
+            slope: vec![[0.0; LANES]; boxes.len()],
         }
     }
 
@@ -89,32 +85,36 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
 
     /// Returns one over the row sums of the curvature.
     fn step_sizes(&self, problem: &Linearised<LANES>) -> Vec<[f64; LANES]> {
-        let ones = vec![[1.0; LANES]; self.grid.len()];
-        let mut sums = vec![[0.0; LANES]; self.grid.len()];
+        let ones = vec![[1.0; LANES]; self.boxes.len()];
+        let mut sums = vec![[0.0; LANES]; self.boxes.len()];
         self.rows.there_and_back(&ones, &mut sums, |l, mut sum| {
             let lanes = sum.iter_mut().zip(&problem.scale[l]);
             lanes.for_each(|(sum, scale)| *sum *= scale * scale);
             sum
         });
-        let (own, east, north) = self.precisions();
-        let of_prior = own + 4.0 * (east + north);
+        let (own, [east, north, up]) = self.precisions();
+        let of_prior = own + 4.0 * (east + north + up);
         let steps = sums.into_iter();
         steps
             .map(|lanes| lanes.map(|sum| 1.0 / (sum + of_prior)))
             .collect()
     }
 
-    /// Returns the prior's cost of a pixel's square, and of the squares of the differences to east and to north.
-    fn precisions(&self) -> (f64, f64, f64) {
+    /// Returns the prior's cost of a pixel's square, and of the squares of the differences along each axis.
+    fn precisions(&self) -> (f64, [f64; 3]) {
         let Prior { variance, length_m } = self.sparse.prior;
-        let (dx_m, dy_m) = (self.grid.dx_m(), self.grid.dy_m());
-        let own = 1.0 / (2.0 * std::f64::consts::PI * variance * length_m * length_m);
-        let smooth = 1.5 * length_m * length_m * own;
-        (
-            own * dx_m * dy_m,
-            smooth * dy_m / dx_m,
-            smooth * dx_m / dy_m,
-        )
+        let (own, smooth) = match self.boxes.is_flat {
+            true => {
+                let own = 1.0 / (2.0 * std::f64::consts::PI * variance * length_m * length_m);
+                (own, 1.5 * length_m * length_m * own)
+            }
+            false => {
+                let cube_m3 = length_m * length_m * length_m;
+                let own = 1.0 / (8.0 * std::f64::consts::PI * variance * cube_m3);
+                (own, 2.0 * length_m * length_m * own)
+            }
+        };
+        (self.boxes.of_box(own), self.boxes.of_faces(smooth))
     }
 
     fn find_slope(&mut self, problem: &Linearised<LANES>, images: &[[f64; LANES]]) {
@@ -127,32 +127,33 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
                 }
                 straight_db
             });
-        let (own, east, north) = self.precisions();
-        let constant = self.sparse.sparsity * self.grid.dx_m() * self.grid.dy_m();
-        let (columns, rows) = (self.grid.columns, self.grid.rows);
-        for row in 0..rows {
-            for column in 0..columns {
-                let here = row * columns + column;
-                let lanes = self.slope[here].iter_mut().zip(&images[here]);
-                lanes.for_each(|(slope, value)| *slope += constant + own * value);
-                if column + 1 < columns {
-                    self.flow(images, [here, here + 1], east);
-                }
-                if row + 1 < rows {
-                    self.flow(images, [here, here + columns], north);
+        let (own, along) = self.precisions();
+        let constant = self.boxes.of_box(self.sparse.sparsity);
+        let slope = &mut self.slope;
+        self.boxes.each_box(|here, next| {
+            let lanes = slope[here].iter_mut().zip(&images[here]);
+            lanes.for_each(|(slope, value)| *slope += constant + own * value);
+            for (next, precision) in next.into_iter().zip(along) {
+                if let Some(next) = next {
+                    flow(slope, images, [here, next], precision);
                 }
             }
-        }
+        });
     }
+}
 
-    /// Adds the slope of the square of the difference between two pixels.
-    #[inline]
-    fn flow(&mut self, images: &[[f64; LANES]], [from, to]: [usize; 2], precision: f64) {
-        let lanes = images[from].iter().zip(&images[to]).enumerate();
-        for (lane, (from_value, to_value)) in lanes {
-            let flow = precision * (from_value - to_value);
-            self.slope[from][lane] += flow;
-            self.slope[to][lane] -= flow;
-        }
+/// Adds the slope of the square of the difference between two pixels.
+#[inline]
+fn flow<const LANES: usize>(
+    slope: &mut [[f64; LANES]],
+    images: &[[f64; LANES]],
+    [from, to]: [usize; 2],
+    precision: f64,
+) {
+    let lanes = images[from].iter().zip(&images[to]).enumerate();
+    for (lane, (from_value, to_value)) in lanes {
+        let flow = precision * (from_value - to_value);
+        slope[from][lane] += flow;
+        slope[to][lane] -= flow;
     }
 }

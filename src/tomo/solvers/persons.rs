@@ -18,6 +18,8 @@ pub(in crate::tomo) struct Persons {
     pub ring: Rect,
     /// Deviation of where in its bin an end was, metres.
     pub smear_m: f64,
+    /// The pixels that they are drawn on.
+    pub grid: PixelGrid,
 }
 
 impl Persons {
@@ -37,19 +39,19 @@ impl Persons {
 
     /// Draws a disc for each person: its strength where it is more than what is there, by the share of the pixel that it
     /// covers.
-    pub(super) fn draw(&self, grid: &PixelGrid, image: &mut [f64]) {
+    pub(super) fn draw(&self, image: &mut [f64]) {
         for find in &self.found {
             for (pixel, value) in image.iter_mut().enumerate() {
-                let share = self.share(grid, grid.centre(pixel), find.at);
+                let share = self.share(self.grid.centre(pixel), find.at);
                 *value += share * (find.strength - *value).max(0.0);
             }
         }
     }
 
     /// Returns the share of a pixel that a disc covers.
-    fn share(&self, grid: &PixelGrid, centre: Point, at: Point) -> f64 {
+    fn share(&self, centre: Point, at: Point) -> f64 {
         let radius_m = self.model.radius_m;
-        let (dx_m, dy_m) = (grid.dx_m(), grid.dy_m());
+        let (dx_m, dy_m) = (self.grid.dx_m(), self.grid.dy_m());
         if centre.distance_to(at) > radius_m + dx_m + dy_m {
             return 0.0;
         }

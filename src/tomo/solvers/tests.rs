@@ -1,6 +1,7 @@
 //! What all solvers promise, most of all those of non-negative images.
 
 use super::*;
+use crate::geom::PixelGrid;
 use crate::geom::{Point, Rect, Segment};
 use crate::tomo::tests_support::Noise;
 use crate::tomo::{
@@ -115,7 +116,7 @@ fn by_map(problem: &LinkProblem<'_>) -> Vec<f64> {
     };
     let map = MapProblem {
         rows: problem.rows,
-        covariance: &Covariance::new(problem.grid, prior),
+        covariance: &Covariance::new(&GRID, prior),
         attenuation_db: &attenuation_db,
         variance_db2: &variance_db2,
         nuisance: problem.nuisance,
@@ -134,7 +135,7 @@ fn solve(solve: Solve, segments: &[Segment], observations: &[Observation]) -> Ve
     let rows = rows_of(segments);
     let problem = LinkProblem {
         rows: &rows,
-        grid: &GRID,
+        boxes: BoxGrid::of_pixels(&GRID),
         observations,
         nuisance: &[],
         watch: Watch::NOBODY,
@@ -236,6 +237,7 @@ fn person(at: Point) -> Persons {
         model: FindSettings::IN_METRES.person,
         ring: AREA,
         smear_m: 0.0,
+        grid: GRID,
     }
 }
 
@@ -243,7 +245,7 @@ fn person(at: Point) -> Persons {
 fn a_person_is_drawn_as_a_disc_of_its_size() {
     let persons = person(Point::new(7.3, 11.2));
     let mut image = vec![0.0; GRID.len()];
-    persons.draw(&GRID, &mut image);
+    persons.draw(&mut image);
     let sum: f64 = image.iter().sum();
     let expected = 10.0 * std::f64::consts::PI * 0.3 * 0.3;
     assert!((sum / expected - 1.0).abs() < 0.05, "{sum}");
@@ -269,7 +271,7 @@ fn auto_draws_the_person_who_is_there_and_not_the_one_who_is_not() {
     let choice = |observations: &[Observation]| {
         let problem = LinkProblem {
             rows: &rows,
-            grid: &GRID,
+            boxes: BoxGrid::of_pixels(&GRID),
             observations,
             nuisance: &[],
             watch: Watch::NOBODY,

@@ -6,7 +6,8 @@
 //!
 //! The gradient stands at the corners of the pixels: of the four differences between the pixels around one, those along an
 //! axis count by half each. So a mirrored or turned sweep has the mirrored or turned image. At the border pixels go on beyond
-//! it, and a corner there counts by half.
+//! it, and a corner there counts by half. In space it is the same with the twelve differences around a corner of voxels
+//! ([`space_corners`]).
 //!
 //! By the primal-dual method of Chambolle and Pock with the diagonal preconditioning of Pock and Chambolle (2011, lemma 2 with
 //! α = 1); no matrix is formed, and both variables stay for a warm start. The integrals make the weights independent of the
@@ -15,8 +16,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::robust::Linearised;
-use crate::geom::PixelGrid;
+use crate::tomo::box_grid::BoxGrid;
 use crate::tomo::weights::WeightRows;
+
+use self::space_corners::SpaceCorners;
+
+mod space_corners;
 
 /// What a difference counts at each of its two corners, and a corner at the border.
 const HALF: f64 = 0.5;
@@ -24,9 +29,9 @@ const HALF: f64 = 0.5;
 /// How much edges and attenuation itself cost.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Variation {
-    /// Of the total variation, 1/dB.
+    /// Of the total variation, 1/dB; in space 1/(dB m).
     pub weight: f64,
-    /// Of the sum of attenuation, 1/(dB m).
+    /// Of the sum of attenuation, 1/(dB m); in space 1/(dB m²).
     pub sparsity: f64,
 }
 
@@ -34,34 +39,49 @@ pub struct Variation {
 #[derive(Clone, Debug)]
 pub(super) struct PrimalDual<'a, const LANES: usize> {
     rows: &'a WeightRows,
-    grid: &'a PixelGrid,
+    boxes: BoxGrid,
     variation: Variation,
     /// Sum of each row of the weights.
     row_sums: Vec<f64>,
     links: Vec<[f64; LANES]>,
-    /// Of the corners of all pixels, row by row from the south: of the differences to the east, in the south and in the north
-    /// of the corner, and of those to the north, in its west and in its east.
-    corners: Vec<[[f64; LANES]; 4]>,
+    corners: Corners<LANES>,
     ahead: Vec<[f64; LANES]>,
     back: Vec<[f64; LANES]>,
+}
+
+/// The dual variables of the differences around corners.
+#[derive(Clone, Debug)]
+enum Corners<const LANES: usize> {
+    /// Of the corners of all pixels, row by row from the south: of the differences to the east, in the south and in the north
+    /// of the corner, and of those to the north, in its west and in its east.
+    Flat(Vec<[[f64; LANES]; 4]>),
+    /// Of the corners of voxels.
+    Space(SpaceCorners<LANES>),
 }
 
 impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
     pub(super) fn new(
         rows: &'a WeightRows,
-        grid: &'a PixelGrid,
+        boxes: BoxGrid,
         variation: Variation,
     ) -> PrimalDual<'a, LANES> {
-        let (links, pixels) = (rows.len(), grid.len());
+        let (links, pixels) = (rows.len(), boxes.len());
         let mut row_sums = vec![0.0; links];
         rows.forward(&vec![1.0; pixels], &mut row_sums);
         PrimalDual {
             rows,
-            grid,
+            boxes,
             variation,
             row_sums,
             links: vec![[0.0; LANES]; links],
-            corners: vec![[[0.0; LANES]; 4]; (grid.columns + 1) * (grid.rows + 1)],
+            corners: match boxes {
+                BoxGrid {
+                    counts: [columns, rows, _],
+                    is_flat: true,
+                    ..
+                } => Corners::Flat(vec![[[0.0; LANES]; 4]; (columns + 1) * (rows + 1)]),
+                of_voxels => Corners::Space(SpaceCorners::new(of_voxels)),
+            },
             ahead: vec![[0.0; LANES]; pixels],
             back: vec![[0.0; LANES]; pixels],
         }
@@ -79,20 +99,28 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
         images: &mut [[f64; LANES]],
         steps: usize,
     ) {
-        let grid = *self.grid;
+        let [dx_m, dy_m, _] = self.boxes.sides_m;
         self.rows
             .there_and_back(images, &mut self.back, |l, _| problem.scale[l]);
-        // A pixel has four corners, and at each of them a difference along either axis.
-        let of_corners = 4.0 * HALF.sqrt() * (grid.dx_m() + grid.dy_m());
+        let of_corners = match &self.corners {
+            // A pixel has four corners, and at each of them a difference along either axis.
+            Corners::Flat(_) => 4.0 * HALF.sqrt() * (dx_m + dy_m),
+            Corners::Space(corners) => corners.most_drawn(),
+        };
         let columns = self.back.iter();
         let image_steps: Vec<[f64; LANES]> = columns
             .map(|lanes| lanes.map(|column| 1.0 / (column + of_corners)))
             .collect();
-        let corner_step = 1.0 / (2.0 * HALF.sqrt() * grid.dx_m().max(grid.dy_m()));
+        let corner_step = 1.0 / (2.0 * HALF.sqrt() * dx_m.max(dy_m));
         self.ahead.copy_from_slice(images);
         for _ in 0..steps {
             self.step_links(problem);
-            self.step_corners(corner_step);
+            match &mut self.corners {
+                Corners::Flat(_) => self.step_corners(corner_step),
+                Corners::Space(corners) => {
+                    corners.step(self.variation.weight, &self.ahead, &mut self.back);
+                }
+            }
             self.step_images(&image_steps, images);
         }
     }
@@ -121,9 +149,13 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
 
     /// Moves the dual variables of the corners, and adds to `back` what they draw at the pixels.
     fn step_corners(&mut self, step: f64) {
-        let (columns, rows) = (self.grid.columns, self.grid.rows);
+        let Corners::Flat(corners) = &mut self.corners else {
+            return;
+        };
+        let [columns, rows, _] = self.boxes.counts;
+        let [dx_m, dy_m, _] = self.boxes.sides_m;
         let root = HALF.sqrt();
-        let (along_x, along_y) = (self.grid.dy_m() * root, self.grid.dx_m() * root);
+        let (along_x, along_y) = (dy_m * root, dx_m * root);
         let (step_x, step_y) = (along_x * step, along_y * step);
         let whole = self.variation.weight;
         for row in 0..=rows {
@@ -135,7 +167,7 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
                 let pixels = [south + west, south + east, north + west, north + east];
                 let [sw, se, nw, ne] = pixels.map(|pixel| self.ahead[pixel]);
                 let [in_south, in_north, in_west, in_east] =
-                    &mut self.corners[row * (columns + 1) + column];
+                    &mut corners[row * (columns + 1) + column];
                 let mut drawn = [[0.0; LANES]; 4];
                 for lane in 0..LANES {
                     let x = in_south[lane] + step_x * (se[lane] - sw[lane]);
@@ -162,7 +194,7 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
     }
 
     fn step_images(&mut self, steps: &[[f64; LANES]], images: &mut [[f64; LANES]]) {
-        let constant = self.variation.sparsity * self.grid.dx_m() * self.grid.dy_m();
+        let constant = self.boxes.of_box(self.variation.sparsity);
         let pixels = images.iter_mut().zip(&mut self.ahead);
         for (((image, ahead), back), steps) in pixels.zip(&self.back).zip(steps) {
             for lane in 0..LANES {
