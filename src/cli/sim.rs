@@ -80,7 +80,7 @@ pub struct SimArgs {
     /// Serve the operator's page of this simulation on this machine (127.0.0.1), without orders, until Ctrl-C: also after the
     /// run; with --live the page of the swarm, with orders, until the run has ended
     #[cfg(feature = "dash")]
-    #[arg(long, group = "shown", conflicts_with_all = ["trials", "record", "watch"])]
+    #[arg(long, group = "shown", conflicts_with_all = ["trials", "watch"])]
     pub dash: bool,
     /// The port of the page of --dash; 0 = any that is free [default: 8377]
     #[cfg(feature = "dash")]
@@ -211,7 +211,10 @@ impl SimArgs {
             let page = super::sim_page::start(&scenario, self.port, out)?;
             let folder = OutputFolder::prepare(&target, FAMILY)?;
             let started = started();
-            let outcome = super::sim_page::run(&page, &scenario, self.pace, &stop, started)?;
+            let outcome = self.recorded(&scenario, &folder, |flights| {
+                let when = (&stop, started);
+                super::sim_page::run(&page, &scenario, flights, self.pace, when)
+            })?;
             let took = (seed, started.elapsed());
             let published = self.publish(folder, &scenario, &outcome, took, out);
             return super::sim_page::stay(page, &stop, published);
@@ -259,19 +262,34 @@ impl SimArgs {
         stop: &StopFlag,
         started: Instant,
     ) -> Result<RunOutcome, CliError> {
+        self.recorded(scenario, folder, |flights| {
+            watched(stop, started, self.watching(scenario), |watch| {
+                let Some(flights) = flights else {
+                    return scenario.run(watch);
+                };
+                let mut watch =
+                    |shown: &RunView<'_>| watch(shown) && !flights.borrow().is_in_trouble();
+                scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| {
+                    flights.borrow_mut().take(&entry)
+                })
+            })
+        })
+    }
+
+    /// Begins a recording when that is asked for, lets `run` fill it, and ends it.
+    #[cfg(feature = "net")]
+    fn recorded(
+        &self,
+        scenario: &Scenario,
+        folder: &OutputFolder,
+        run: impl FnOnce(Option<&RefCell<Flights>>) -> Result<RunOutcome, CliError>,
+    ) -> Result<RunOutcome, CliError> {
         if !self.record {
-            return watched(stop, started, self.watching(scenario), |watch| {
-                scenario.run(watch)
-            });
+            return run(None);
         }
         let settings = load::text(self.config.as_deref())?;
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
-        let outcome = watched(stop, started, self.watching(scenario), |watch| {
-            let mut watch = |shown: &RunView<'_>| watch(shown) && !flights.borrow().is_in_trouble();
-            scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| {
-                flights.borrow_mut().take(&entry)
-            })
-        })?;
+        let outcome = run(Some(&flights))?;
         flights.into_inner().end()?;
         Ok(outcome)
     }

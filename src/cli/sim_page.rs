@@ -1,11 +1,13 @@
 //! `sim --dash`: the operator's page of a simulation, while it runs and until Ctrl-C. It begins, feeds and ends the page;
 //! what the page shows is `dash`'s, and the run is the same without it.
 
+use std::cell::RefCell;
 use std::io::Write;
 use std::time::Instant;
 
 use super::dash::{PAGE_PORT, refused};
 use super::error::CliError;
+use super::flight::{Flights, SEGMENT};
 use super::sim::watched;
 use super::stop::StopFlag;
 use super::watch::{NAP, nap, wait_for};
@@ -28,23 +30,32 @@ pub(super) fn start(
     Ok(page)
 }
 
-/// Runs the scenario, at a pace if one is given, and lets the page listen.
+/// Runs the scenario, at a pace if one is given, lets the page listen, and records it if there are flights.
 ///
 /// # Errors
 /// The scenario is impossible, or the program is at fault.
 pub(super) fn run(
     page: &SimulationPage,
     scenario: &Scenario,
+    flights: Option<&RefCell<Flights>>,
     pace: Option<f64>,
-    stop: &StopFlag,
-    started: Instant,
+    (stop, started): (&StopFlag, Instant),
 ) -> Result<RunOutcome, CliError> {
     watched(stop, started, None, |watch| {
         let mut paced = |shown: &RunView<'_>| {
             wait_for(shown.status.now, pace, started, stop);
             watch(shown)
         };
-        scenario.run_heard(&mut paced, page.listener())
+        let listener = page.listener();
+        match flights {
+            None => scenario.run_heard(&mut paced, listener),
+            Some(flights) => {
+                let mut paced =
+                    |shown: &RunView<'_>| paced(shown) && !flights.borrow().is_in_trouble();
+                let mut record = |entry| flights.borrow_mut().take(&entry);
+                scenario.run_heard_and_recorded(&mut paced, listener, SEGMENT, &mut record)
+            }
+        }
     })
 }
 

@@ -90,7 +90,7 @@ impl Drop for SimulationWithPage {
 fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
     let folder = tempfile::tempdir().unwrap();
     let (with, without) = (folder.path().join("with"), folder.path().join("without"));
-    let mut simulation = SimulationWithPage::start(&with, &[]);
+    let mut simulation = SimulationWithPage::start(&with, &["--record"]);
     simulation.until_written();
     let dash = &simulation.dash;
 
@@ -154,6 +154,10 @@ fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
     let log = |folder: &Path| std::fs::read(folder.join("run.log")).unwrap();
     assert!(!log(&with).is_empty());
     assert!(log(&with) == log(&without), "the page changes the run");
+    let mut replay = Command::new(PROGRAM);
+    let replay = replay.arg("replay").arg(with.join("flight"));
+    let replayed = replay.output().unwrap();
+    assert!(replayed.status.success(), "{replayed:?}");
 }
 
 /// The box of the scene shows persons and outlines over the image as well; and pixels are hatched of which nothing is known.

@@ -61,9 +61,28 @@ impl Scenario {
         watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         listener: BusListener,
     ) -> Result<RunOutcome, RunError> {
+        self.run_parts(self.parts_with(listener)?, watch, None)
+    }
+
+    /// Does both: [`Scenario::run_heard`] and [`Scenario::run_recorded`].
+    ///
+    /// # Errors
+    /// As for [`Scenario::run`].
+    pub fn run_heard_and_recorded(
+        &self,
+        watch: &mut dyn FnMut(&RunView<'_>) -> bool,
+        listener: BusListener,
+        segment: Duration,
+        record: &mut dyn FnMut(SampleFile),
+    ) -> Result<RunOutcome, RunError> {
+        let recording = Recording::to(record, segment);
+        self.run_parts(self.parts_with(listener)?, watch, Some(recording))
+    }
+
+    fn parts_with(&self, listener: BusListener) -> Result<Parts, RunError> {
         let mut parts = self.parts()?;
         parts.bus = parts.bus.with_listener(listener);
-        self.run_parts(parts, watch, None)
+        Ok(parts)
     }
 
     /// Runs what the scenario is made of to the end.
