@@ -102,7 +102,7 @@ pub use waypoint_file::{
     WaypointFile,
 };
 pub use world_endpoint::{WorldEndpoint, world_token};
-pub use xbee_port::{XBEE_BAUDS, XBEE_POWERS_DBM, XbeePort};
+pub use xbee_port::{XBEE_BAUD, XBEE_BAUDS, XBEE_POWERS_DBM, XbeePort};
 
 pub use to_toml::{key_tables, keys_in_words, to_toml};
 

@@ -41,7 +41,7 @@ mod world;
 pub mod xbee_air;
 pub mod xbee_module;
 
-pub use entry::SampleFile;
+pub use entry::RecordingEntry;
 pub use kernel::RunProgress;
 pub use operator_script::{EMPTY_RUN, RUN};
 pub use outcome::{EndedMission, FoundObject, NEAR_M, RunCounts, RunOutcome};

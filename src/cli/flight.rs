@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::error::CliError;
 use crate::config::{self, Config, Sim};
 use crate::geom::Lattice;
-use crate::sim::SampleFile;
+use crate::sim::RecordingEntry;
 use crate::sim::bus::NodeId;
 use crate::store::recording::{OpenRecording, RecordingLimits, RecordingSubject, WriteError};
 
@@ -41,7 +41,7 @@ impl Flights {
     }
 
     /// Takes what a run hands out; after the first trouble nothing more is written.
-    pub(super) fn take(&mut self, entry: &SampleFile) {
+    pub(super) fn take(&mut self, entry: &RecordingEntry) {
         if self.trouble.is_none() {
             self.trouble = self.write(entry).err();
         }
@@ -52,9 +52,9 @@ impl Flights {
         self.trouble.is_some()
     }
 
-    fn write(&mut self, entry: &SampleFile) -> Result<(), WriteError> {
+    fn write(&mut self, entry: &RecordingEntry) -> Result<(), WriteError> {
         match entry {
-            SampleFile::Segment {
+            RecordingEntry::Segment {
                 node,
                 now,
                 snapshots,
@@ -65,7 +65,7 @@ impl Flights {
                     .iter()
                     .try_for_each(|snapshot| flight.snapshot(*segment, *now, snapshot))
             }
-            SampleFile::Step(node, step) => {
+            RecordingEntry::Step(node, step) => {
                 let (flight, segment) = self.flight(&name(*node));
                 flight.step(*segment, step)
             }

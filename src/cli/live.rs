@@ -127,6 +127,11 @@ impl Swarm {
             .args(&args.config)
             .args(["--vehicles", &sim.vehicles.count.to_string()]);
         world.args(["--seed", &seed.to_string()]);
+        let absolute = std::path::absolute(folder).map_err(fault)?;
+        let xbees = args.xbee.then(|| absolute.join("ports"));
+        if let Some(folder) = &xbees {
+            world.arg("--xbee-pty").arg(folder);
+        }
         let (address, token) = processes.start_world(world).map_err(fault)?;
         let mut ports = free_ports(sim.vehicles.count + 1).map_err(fault)?;
         let places = LiveAddresses {
@@ -139,6 +144,7 @@ impl Swarm {
             token: token.clone(),
             ground_port: ports.remove(0),
             vehicle_ports: ports,
+            xbees,
         };
         let empty: Option<RunId> = sim.empty_sweep.then_some(EMPTY_RUN);
         write(folder, VENUE, &places.venue(sim))?;

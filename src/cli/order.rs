@@ -38,8 +38,8 @@ const FAR_M: f64 = 100_000.0;
 ///
 /// The order is sent every 100 ms until every vehicle shows it, and is given up after the timeout. It is given by the lease
 /// that the ground station holds or the vehicles obey; whoever gave a higher order in between is named. A stopping order
-/// goes above a start of the same lease that comes in between. A start of a run is refused while the ground station drives
-/// another one.
+/// goes above a start of the same lease that comes in between. A start of a run that has ended is refused,
+/// and any while the ground station drives another run.
 ///
 /// An emergency is no order but a state of the swarm: every node that hears of it says it on, by bus and by radio, and keeps
 /// it on its disk. Under it no vehicle obeys a start or a return. The next start lifts what is open then.
@@ -171,7 +171,7 @@ finds are from them. A place outside the fence is refused, and a run above all t
 back anywhere.
 
 Exit codes: 0 every vehicle shows the order, or the marks are stored; 1 not in time, overruled, nobody heard, a vehicle that does not fit or refuses the
-mission, a start of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or
+mission, a start of a run that has ended or while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or
 configuration.";
 
 impl OrderWord {

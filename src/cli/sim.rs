@@ -71,6 +71,10 @@ pub struct SimArgs {
         requires = "live"
     )]
     pub topology: super::live::LiveTopology,
+    /// With --live: every radio is an XBee at a pseudo-terminal, and what speaks with it is the driver of the field
+    #[cfg(feature = "net")]
+    #[arg(long, requires = "live")]
+    pub xbee: bool,
     /// Write every beacon heard or missed as well: samples.csv, and empty-samples.csv of the empty sweep
     #[arg(long, conflicts_with = "trials")]
     pub samples: bool,

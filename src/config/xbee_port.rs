@@ -32,6 +32,9 @@ const AIR_BYTE_MS: f64 = 0.032;
 const SLOT_SHARE: f64 = 1.15;
 const SLOT_MORE_MS: f64 = 2.0;
 
+/// The speed of modules as `xbee setup` leaves them, bits per second.
+pub const XBEE_BAUD: u32 = 115_200;
+
 /// A module with 802.15.4 firmware on a serial line.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct XbeePort {
@@ -83,7 +86,7 @@ impl Default for XbeePort {
     fn default() -> XbeePort {
         XbeePort {
             port: String::new(),
-            baud: 115_200,
+            baud: XBEE_BAUD,
         }
     }
 }

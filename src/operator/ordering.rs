@@ -291,6 +291,7 @@ impl Ordering {
         match self.instruction.kind {
             OrderKind::Start => self
                 .run_under_way(now)
+                .or_else(|| self.run_ended(now))
                 .or_else(|| self.mission_misfit(now))
                 .or_else(|| self.unheard_under_stop(now))
                 .or_else(|| self.stopped_since()),

@@ -164,6 +164,11 @@ pub enum OrderRefusal {
         /// Who gave it.
         by: OperatorId,
     },
+    /// The run that is to be started has ended.
+    #[error(
+        "run {0} has ended: a start without a run begins the next one, as does --run with a number above all that were"
+    )]
+    Ended(RunId),
 }
 
 /// What became of an order.

@@ -7,7 +7,7 @@ use crate::time::Time;
 
 /// A piece of a recording.
 #[derive(Clone, Debug)]
-pub enum SampleFile {
+pub enum RecordingEntry {
     /// A new segment of a node begins; all its actors as they are.
     Segment {
         /// Of which node.

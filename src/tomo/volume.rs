@@ -148,8 +148,8 @@ pub enum VolumeError {
     NoAnswer,
 }
 
-/// Reconstructs a volume; links that do not touch it are passed over. Priors of a solver are those of pixels: what is alike in
-/// one layer so far is so as far upward ([`in_space`]).
+/// Reconstructs a volume; links that do not touch it are passed over. What a solver believes is said as for pixels: what is
+/// alike in one layer so far is so as far upward.
 ///
 /// # Errors
 /// [`VolumeError`].

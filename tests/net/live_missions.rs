@@ -99,14 +99,15 @@ fn exploring(folder: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_mission_of_their_own_runs_live_and_a_vehicle_that_is_killed_is_started_again_and_ends_it() {
+fn a_mission_of_their_own_runs_live_with_xbees_and_a_vehicle_that_is_killed_is_started_again_and_ends_it()
+ {
     let root = tempfile::tempdir().unwrap();
     let (out, config) = (root.path().join("run"), exploring(root.path()));
     let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
     program
         .arg("sim")
         .arg(&config)
-        .args(["--live", "--out"])
+        .args(["--live", "--xbee", "--out"])
         .arg(&out);
     let running = program
         .stdout(Stdio::piped())
@@ -159,5 +160,12 @@ fn a_mission_of_their_own_runs_live_and_a_vehicle_that_is_killed_is_started_agai
     ] {
         assert!(log.contains(words), "{log}");
     }
+    let said = std::fs::read_to_string(out.join("live/world.log")).unwrap();
+    assert!(
+        said.contains("beacons heard") && !said.contains(" 0 beacons heard"),
+        "{said}"
+    );
+    let asked = std::fs::read_to_string(out.join("live/vehicle-1.log")).unwrap();
+    assert!(asked.contains("radio xbee"), "{asked}");
     assert!(!anybody_in(root.path()));
 }

@@ -16,7 +16,7 @@ use tomoswarm::node::radio::Radio;
 use tomoswarm::node::sensor::Sensor;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::Operator;
-use tomoswarm::sim::SampleFile;
+use tomoswarm::sim::RecordingEntry;
 use tomoswarm::sim::bus::NodeId;
 use tomoswarm::stops::Stops;
 use tomoswarm_proto::VehicleId;
@@ -184,8 +184,8 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         let place = place.root("end = \"return\"\nempty_sweep = true\nuntil_s = 2000.0");
         let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
         let mut person = Person::default();
-        let mut record = |entry: SampleFile| match entry {
-            SampleFile::Segment {
+        let mut record = |entry: RecordingEntry| match entry {
+            RecordingEntry::Segment {
                 node: NodeId::Vehicle(id),
                 snapshots,
                 ..
@@ -194,25 +194,25 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
                     .iter()
                     .for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
             }
-            SampleFile::Segment {
+            RecordingEntry::Segment {
                 node: NodeId::Ground,
                 snapshots,
                 ..
             } => snapshots
                 .iter()
                 .for_each(|snapshot| ground.restore(snapshot)),
-            SampleFile::Segment {
+            RecordingEntry::Segment {
                 node: NodeId::Operator(_),
                 snapshots,
                 ..
             } => snapshots
                 .iter()
                 .for_each(|snapshot| person.restore(snapshot)),
-            SampleFile::Step(NodeId::Vehicle(id), step) => {
+            RecordingEntry::Step(NodeId::Vehicle(id), step) => {
                 rovers.entry(id).or_default().take(&step)
             }
-            SampleFile::Step(NodeId::Ground, step) => ground.take(&step),
-            SampleFile::Step(NodeId::Operator(_), step) => person.take(&step),
+            RecordingEntry::Step(NodeId::Ground, step) => ground.take(&step),
+            RecordingEntry::Step(NodeId::Operator(_), step) => person.take(&step),
         };
         let recorded = place.scenario().run_recorded(
             &mut |_| true,
@@ -249,8 +249,8 @@ fn who_is_started_anew_is_recorded_from_there() {
     let place = Place::new(8.0, 8.0).root("until_s = 60.0").with(restart);
     let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
     let mut segments = Vec::new();
-    let mut record = |entry: SampleFile| match entry {
-        SampleFile::Segment {
+    let mut record = |entry: RecordingEntry| match entry {
+        RecordingEntry::Segment {
             node: node @ NodeId::Vehicle(id),
             now,
             snapshots,
@@ -261,7 +261,7 @@ fn who_is_started_anew_is_recorded_from_there() {
                 .iter()
                 .for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
         }
-        SampleFile::Segment {
+        RecordingEntry::Segment {
             node: NodeId::Ground,
             now,
             snapshots,
@@ -272,13 +272,15 @@ fn who_is_started_anew_is_recorded_from_there() {
                 .iter()
                 .for_each(|snapshot| ground.restore(snapshot))
         }
-        SampleFile::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
-        SampleFile::Step(NodeId::Ground, step) => ground.take(&step),
-        SampleFile::Segment {
+        RecordingEntry::Step(NodeId::Vehicle(id), step) => {
+            rovers.entry(id).or_default().take(&step)
+        }
+        RecordingEntry::Step(NodeId::Ground, step) => ground.take(&step),
+        RecordingEntry::Segment {
             node: NodeId::Operator(_),
             ..
         }
-        | SampleFile::Step(NodeId::Operator(_), _) => {}
+        | RecordingEntry::Step(NodeId::Operator(_), _) => {}
     };
     let long = Duration::from_secs(1000);
     place

@@ -90,6 +90,16 @@ impl Ordering {
         is_refused.then_some(OrderRefusal::UnderWay { under_way, asked })
     }
 
+    /// Returns why the run that is asked for cannot begin: the ground station, which drives none, says that it has ended.
+    pub(super) fn run_ended(&self, now: Time) -> Option<OrderRefusal> {
+        let asked = self.instruction.run?;
+        let report = &self.view.ground(now)?.value;
+        let of_run = report.runs.iter().find(|known| known.run == asked);
+        let is_over = of_run.map_or(asked < report.run, |known| known.end.is_some());
+        let is_idle = report.phase == StationPhase::Idle;
+        (is_idle && is_over).then_some(OrderRefusal::Ended(asked))
+    }
+
     /// Returns what the mission that is to be begun lacks of the ground station; before that was listened for, nothing.
     pub(super) fn mission_misfit(&self, now: Time) -> Option<OrderRefusal> {
         let ground = self.view.ground(now).map(|report| &report.value);

@@ -2,12 +2,14 @@
 //! vehicles. Opens nothing; the folder and the free ports are the caller's matter.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use tomoswarm_proto::{RunId, VehicleId};
 
 use crate::config::{
     self, BusFile, Config, Drivers, Endpoint, GroundFile, MissionTable, OperatorFile, PoseFile,
-    PoseSource, Protocol, Record, Sim, Topology, VehicleFile, WorldEndpoint,
+    PoseSource, Protocol, RadioDriver, Record, Sim, Topology, VehicleFile, WorldEndpoint,
+    XBEE_BAUD, XbeePort,
 };
 use crate::run::membership::FIRST_OPERATOR;
 
@@ -31,6 +33,8 @@ pub struct LiveAddresses {
     pub ground_port: u16,
     /// The same of each vehicle, ascending by id; not used in a star.
     pub vehicle_ports: Vec<u16>,
+    /// The folder with a port `vehicle-N` for the XBee of each; `None` = radios are the world's.
+    pub xbees: Option<PathBuf>,
 }
 
 impl LiveAddresses {
@@ -69,7 +73,10 @@ impl LiveAddresses {
             state_dir: format!("state/vehicle-{id}"),
             mission: MissionTable::default(),
             task: None,
-            drivers: Drivers::SIMULATED,
+            drivers: Drivers {
+                radio: self.radio(id),
+                ..Drivers::SIMULATED
+            },
             body: sim.vehicles.body,
             flight: sim.vehicles.flight,
             look: sim.range.look.clone(),
@@ -86,6 +93,18 @@ impl LiveAddresses {
             bus: self.bus(sim, own, &self.vehicle_ports[..index]),
             record: RECORD,
         })))
+    }
+
+    /// Returns what speaks with a vehicle's radio.
+    fn radio(&self, id: VehicleId) -> RadioDriver {
+        let port = |folder: &PathBuf| {
+            let port = folder.join(format!("vehicle-{id}"));
+            RadioDriver::Xbee(XbeePort {
+                port: port.display().to_string(),
+                baud: XBEE_BAUD,
+            })
+        };
+        self.xbees.as_ref().map_or(RadioDriver::Simulated, port)
     }
 
     /// Returns the text of the file of the operator's commands. In a mesh it names every vehicle: an emergency must reach them
@@ -183,6 +202,25 @@ mod tests {
             token: "0123456789abcdef".to_owned(),
             ground_port: 7600,
             vehicle_ports: (7601..=7608).collect(),
+            xbees: None,
+        }
+    }
+
+    #[test]
+    fn each_vehicle_speaks_with_an_xbee_of_its_own_where_there_are_some() {
+        let sim = sim();
+        let places = LiveAddresses {
+            xbees: Some(PathBuf::from("/run/the ports")),
+            ..places(Topology::Mesh)
+        };
+        for id in sim.vehicle_ids() {
+            let text = places.vehicle(&sim, id);
+            let file =
+                config::read_vehicle("configs/v.toml", &text, &mut |_| Ok(places.venue(&sim)));
+            let RadioDriver::Xbee(port) = file.unwrap().drivers.radio else {
+                panic!("{text}");
+            };
+            assert_eq!(port.port, format!("/run/the ports/vehicle-{id}"));
         }
     }
 

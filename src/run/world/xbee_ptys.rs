@@ -20,7 +20,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serial2::SerialPort;
 use tomoswarm_proto::VehicleId;
 
-use crate::config::{Venue, XBEE_BAUDS};
+use crate::config::{Venue, XBEE_BAUD, XBEE_BAUDS};
 use crate::hw::xbee_registers::{AP, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
 use crate::run::link::WorldStatus;
 use crate::sim::environment::Environment;
@@ -35,8 +35,6 @@ const LOCK: &str = ".lock";
 const READ_FOR: Duration = Duration::from_millis(50);
 /// What nobody reads within this time is lost.
 const WRITE_FOR: Duration = Duration::from_millis(1);
-/// The speed of modules as a set-up leaves them.
-const BAUD: u32 = 115_200;
 /// Serial numbers of the maker begin with this.
 const SERIALS: u64 = 0x0013_A200_4000_0000;
 
@@ -170,7 +168,7 @@ fn module(settings: &PtySettings, vehicle: VehicleId) -> XbeeModule {
     let (kind, level) = found.unwrap_or((ModuleKind::S2c, 4));
     let serial = SERIALS + u64::from(vehicle.0);
     let mut module = XbeeModule::new(kind, serial, settings.noise);
-    let code = XBEE_BAUDS.iter().position(|baud| *baud == BAUD);
+    let code = XBEE_BAUDS.iter().position(|baud| *baud == XBEE_BAUD);
     let registers = [
         (AP, u16::from(wanted.mode.register())),
         (BD, code.unwrap_or_default() as u16),
@@ -247,7 +245,7 @@ fn listen(port: &SerialPort, is_ended: &AtomicBool, told: &impl Fn(FromHost)) {
                 is_open = true;
                 told(FromHost::Bytes(
                     bytes[..count].to_vec(),
-                    baud.unwrap_or(BAUD),
+                    baud.unwrap_or(XBEE_BAUD),
                 ));
             }
             Err(error)

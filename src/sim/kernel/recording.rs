@@ -4,19 +4,19 @@ use std::time::Duration;
 
 use super::nodes::Nodes;
 use crate::actor::Fault;
-use crate::sim::entry::SampleFile;
+use crate::sim::entry::RecordingEntry;
 use crate::time::Time;
 
 /// Where a recording goes, and when its next segment begins.
 pub(in crate::sim) struct Recording<'a> {
-    record: &'a mut dyn FnMut(SampleFile),
+    record: &'a mut dyn FnMut(RecordingEntry),
     every: Duration,
     next_at: Time,
 }
 
 impl<'a> Recording<'a> {
     /// Makes a recording that goes where `record` says; a new segment begins `every` so often.
-    pub(crate) fn to(record: &'a mut dyn FnMut(SampleFile), every: Duration) -> Recording<'a> {
+    pub(crate) fn to(record: &'a mut dyn FnMut(RecordingEntry), every: Duration) -> Recording<'a> {
         Recording {
             record,
             every,
@@ -40,7 +40,9 @@ impl<'a> Recording<'a> {
     /// As for [`Recording::begin`].
     pub(super) fn hand_out(&mut self, now: Time, nodes: &mut Nodes) -> Result<(), Fault> {
         nodes.steps(|node, steps| {
-            let entries = steps.into_iter().map(|step| SampleFile::Step(node, step));
+            let entries = steps
+                .into_iter()
+                .map(|step| RecordingEntry::Step(node, step));
             entries.for_each(&mut *self.record);
         });
         let is_due = now >= self.next_at;
@@ -48,7 +50,7 @@ impl<'a> Recording<'a> {
             self.next_at = now + self.every;
         }
         let written = nodes.snapshots(is_due, |node, snapshots| {
-            (self.record)(SampleFile::Segment {
+            (self.record)(RecordingEntry::Segment {
                 node,
                 now,
                 snapshots,

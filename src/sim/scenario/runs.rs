@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::super::bus::BusListener;
-use super::super::entry::SampleFile;
+use super::super::entry::RecordingEntry;
 use super::super::kernel::{Kernel, Parts, Recording};
 use super::super::outcome::RunOutcome;
 use super::super::run_view::RunView;
@@ -46,7 +46,7 @@ impl Scenario {
         &self,
         watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         segment: Duration,
-        record: &mut dyn FnMut(SampleFile),
+        record: &mut dyn FnMut(RecordingEntry),
     ) -> Result<RunOutcome, RunError> {
         let recording = Recording::to(record, segment);
         self.run_parts(self.parts()?, watch, Some(recording))
@@ -73,7 +73,7 @@ impl Scenario {
         watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         listener: BusListener,
         segment: Duration,
-        record: &mut dyn FnMut(SampleFile),
+        record: &mut dyn FnMut(RecordingEntry),
     ) -> Result<RunOutcome, RunError> {
         let recording = Recording::to(record, segment);
         self.run_parts(self.parts_with(listener)?, watch, Some(recording))

@@ -228,6 +228,33 @@ fn a_start_goes_on_with_a_mission_that_is_open_and_begins_a_run_after_one_that_h
 }
 
 #[test]
+fn a_run_that_has_ended_is_not_started_again() {
+    let of_run = |run, end| RunReport {
+        run: RunId(run),
+        end,
+        ..RunReport::default()
+    };
+    let start = |run| OrderGoal {
+        run: Some(RunId(run)),
+        ..want(Kind::Start)
+    };
+    // The first is older than those that are told of.
+    for (asked, is_refused) in [(1, true), (2, true), (3, false), (4, false)] {
+        let mut world = World::new(vec![Rover::new(1)]);
+        world.report = Some(GroundReport {
+            run: RunId(3),
+            runs: vec![of_run(2, Some(RunEnd::Done)), of_run(3, None)],
+            ..of_one()
+        });
+        world.tell(In::Want(1, start(asked)));
+        world.run(3.0);
+        let refused = is_refused.then_some(OrderRefusal::Ended(RunId(asked)));
+        assert_eq!(world.ended()[0].1.refused, refused);
+        assert_eq!(world.orders.is_empty(), is_refused, "run {asked}");
+    }
+}
+
+#[test]
 fn who_holds_a_lease_names_it_at_once_and_every_second_until_it_is_displaced() {
     let mut world = World::new(vec![Rover::new(1)]);
     world.report = Some(of_one());
