@@ -23,7 +23,7 @@ use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::standard_output::complain;
 use super::stop::{STOPPED, StopFlag};
-use crate::config::{Expect, Topology};
+use crate::config::{Expect, Sim, Topology, XBEE_POWERS_DBM, XbeePort};
 use crate::geom::Point;
 use crate::run::link::WorldControl;
 use crate::run::live::files::LiveAddresses;
@@ -63,6 +63,9 @@ pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
             "a mission that is to fail (expect) is for virtual time; it cannot be run live";
         return Err(CliError::Usage(refused.to_owned()));
     }
+    if args.xbee {
+        check_xbees(scenario.sim())?;
+    }
     let seed = args.seed.unwrap_or(scenario.sim().seed);
     let target = args
         .out
@@ -88,6 +91,26 @@ pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
         pictures::add_links(&scenario, &mut outcome);
     }
     args.publish(folder, &scenario, &outcome, (seed, started.elapsed()), out)
+}
+
+/// Refuses what XBees cannot do, before anything is written.
+///
+/// # Errors
+/// Slots that are too short for them, and a transmit power that none has.
+fn check_xbees(sim: &Sim) -> Result<(), CliError> {
+    let (slot_ms, least_ms) = (sim.venue.swarm.slot_ms, XbeePort::default().least_slot_ms());
+    if slot_ms < least_ms {
+        return Err(CliError::Usage(format!(
+            "--xbee: found slots of {slot_ms} ms, expected slot_ms of at least {least_ms} in the table [swarm]: beacons take so long"
+        )));
+    }
+    let power_dbm = sim.radio.own.power_dbm;
+    if !XBEE_POWERS_DBM.contains(&power_dbm) {
+        return Err(CliError::Usage(format!(
+            "--xbee: found a power of {power_dbm} dBm, expected one that an XBee has: {XBEE_POWERS_DBM:?}"
+        )));
+    }
+    Ok(())
 }
 
 /// Serves the operator's page of a swarm, if it is wanted.

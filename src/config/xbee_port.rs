@@ -53,6 +53,11 @@ impl XbeePort {
         lines_ms + AIR_MOST_MS + AIR_BYTE_MS * bytes as f64
     }
 
+    /// Returns the shortest slot of the ring in which a beacon is heard before the next vehicle speaks, whole milliseconds.
+    pub fn least_slot_ms(&self) -> f64 {
+        (SLOT_SHARE * self.latency_ms(BEACON_BYTES_MAX) + SLOT_MORE_MS).ceil()
+    }
+
     /// Refuses a transmit power that no module has.
     pub(super) fn check_power(source: &Source<'_>, power_dbm: i8) {
         if XBEE_POWERS_DBM.contains(&power_dbm) || !source.is_sound(&["radio"]) {
@@ -66,7 +71,7 @@ impl XbeePort {
     /// Refuses slots in which a beacon is not heard before the next vehicle speaks.
     pub(super) fn check_slot(&self, source: &Source<'_>, swarm: &Swarm, venue_file: &str) {
         let slot_ms = swarm.slot_ms;
-        let needed_ms = SLOT_SHARE * self.latency_ms(BEACON_BYTES_MAX) + SLOT_MORE_MS;
+        let needed_ms = self.least_slot_ms();
         if slot_ms >= needed_ms || !source.is_sound(&["radio.xbee", "venue"]) {
             return;
         }
@@ -75,8 +80,7 @@ impl XbeePort {
             self.latency_ms(BEACON_BYTES_MAX)
         );
         let allowed = format!(
-            "slot_ms of at least {:.0} is needed in {venue_file}, table [swarm], or a higher baud rate",
-            needed_ms.ceil()
+            "slot_ms of at least {needed_ms:.0} is needed in {venue_file}, table [swarm], or a higher baud rate"
         );
         source.refuse("radio.xbee.baud", &wrong, &allowed);
     }
