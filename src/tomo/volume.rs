@@ -190,9 +190,10 @@ pub fn reconstruct_volume(
         Solver::Auto(of) => solvers::auto(&problem, &in_space::candidates(of), None),
         Solver::Points(_) => return Err(VolumeError::Persons),
     };
-    let is_known = solved.image.iter().all(|value| value.is_finite());
+    if !solved.image.iter().all(|value| value.is_finite()) {
+        return Err(VolumeError::NoAnswer);
+    }
     let squares: f64 = solved.residual_db.iter().map(|rest| rest * rest).sum();
-    is_known.then_some(()).ok_or(VolumeError::NoAnswer)?;
     Ok(Volume {
         grid,
         values: solved.image,

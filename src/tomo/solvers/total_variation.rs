@@ -66,6 +66,7 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
         variation: Variation,
     ) -> PrimalDual<'a, LANES> {
         let (links, pixels) = (rows.len(), boxes.len());
+        let [columns, of_column, _] = boxes.counts;
         let mut row_sums = vec![0.0; links];
         rows.forward(&vec![1.0; pixels], &mut row_sums);
         PrimalDual {
@@ -74,13 +75,9 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
             variation,
             row_sums,
             links: vec![[0.0; LANES]; links],
-            corners: match boxes {
-                BoxGrid {
-                    counts: [columns, rows, _],
-                    is_flat: true,
-                    ..
-                } => Corners::Flat(vec![[[0.0; LANES]; 4]; (columns + 1) * (rows + 1)]),
-                of_voxels => Corners::Space(SpaceCorners::new(of_voxels)),
+            corners: match boxes.is_flat {
+                true => Corners::Flat(vec![[[0.0; LANES]; 4]; (columns + 1) * (of_column + 1)]),
+                false => Corners::Space(SpaceCorners::new(boxes)),
             },
             ahead: vec![[0.0; LANES]; pixels],
             back: vec![[0.0; LANES]; pixels],

@@ -10,7 +10,7 @@ use super::VoxelGrid;
 use crate::tomo::cholesky::Cholesky;
 use crate::tomo::prior::Prior;
 use crate::tomo::solvers::{LinkProblem, Solved};
-use crate::tomo::student::{DEGREES, trust};
+use crate::tomo::student::doubted;
 use crate::tomo::weights::WeightRows;
 
 /// Rounds of robust weights.
@@ -36,7 +36,7 @@ pub(super) fn solve(problem: &LinkProblem<'_>, grid: &VoxelGrid, prior: Prior) -
             .map(|(s2, dual)| s2 * dual)
             .collect();
         for ((noise, rest), link) in noise_db2.iter_mut().zip(&residual_db).zip(links) {
-            *noise = link.variance_db2 / trust(rest * rest / link.variance_db2, DEGREES);
+            *noise = doubted(link.variance_db2, *rest);
         }
     }
     let mut weighted = vec![0.0; grid.voxels()];
