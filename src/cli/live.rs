@@ -101,7 +101,8 @@ fn check_xbees(sim: &Sim) -> Result<(), CliError> {
     let (slot_ms, least_ms) = (sim.venue.swarm.slot_ms, XbeePort::default().least_slot_ms());
     if slot_ms < least_ms {
         return Err(CliError::Usage(format!(
-            "--xbee: found slots of {slot_ms} ms, expected slot_ms of at least {least_ms} in the table [swarm]: beacons take so long"
+            "--xbee: found slots of {slot_ms} ms, expected slot_ms of at least {} in the table [swarm]: beacons take so long",
+            least_ms.ceil()
         )));
     }
     let power_dbm = sim.radio.own.power_dbm;

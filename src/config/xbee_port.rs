@@ -53,9 +53,9 @@ impl XbeePort {
         lines_ms + AIR_MOST_MS + AIR_BYTE_MS * bytes as f64
     }
 
-    /// Returns the shortest slot of the ring in which a beacon is heard before the next vehicle speaks, whole milliseconds.
+    /// Returns the shortest slot of the ring in which a beacon is heard before the next vehicle speaks, milliseconds.
     pub fn least_slot_ms(&self) -> f64 {
-        (SLOT_SHARE * self.latency_ms(BEACON_BYTES_MAX) + SLOT_MORE_MS).ceil()
+        SLOT_SHARE * self.latency_ms(BEACON_BYTES_MAX) + SLOT_MORE_MS
     }
 
     /// Refuses a transmit power that no module has.
@@ -80,7 +80,8 @@ impl XbeePort {
             self.latency_ms(BEACON_BYTES_MAX)
         );
         let allowed = format!(
-            "slot_ms of at least {needed_ms:.0} is needed in {venue_file}, table [swarm], or a higher baud rate"
+            "slot_ms of at least {} is needed in {venue_file}, table [swarm], or a higher baud rate",
+            needed_ms.ceil()
         );
         source.refuse("radio.xbee.baud", &wrong, &allowed);
     }
