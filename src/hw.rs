@@ -8,6 +8,7 @@
 pub mod echo_edges;
 pub mod edge_recording;
 mod lines;
+pub mod pin_name;
 mod pings;
 pub mod pulse;
 mod serial_text;

@@ -638,6 +638,8 @@ export type Why = {
   value_dbpm: number,
   /** How many links made it. */
   links: number,
+  /** How many links the image itself was made of: more when this program has not heard all. */
+  madeOf: number,
   /** How far the nearest of them passes, metres. */
   nearest_m: number | null,
   /** How far links are from what the image says, root of the mean square, dB. */

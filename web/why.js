@@ -66,7 +66,7 @@ export class WhyPanel {
         method: "POST",
         headers: { Authorization: `Bearer ${this.token}`, "Content-Type": "application/json" },
         signal: AbortSignal.timeout(ANSWERED_WITHIN_MS),
-        body: JSON.stringify({ subject: this.subject(), at }),
+        body: JSON.stringify({ subject: this.subject(), at, page: this.model.place?.page }),
       });
       const text = await answer.text();
       if (answer.ok) this.show(JSON.parse(text));
@@ -94,9 +94,11 @@ export class WhyPanel {
     const shown = image ? valueAt(image, answer.at) : NaN;
     const [x, y] = answer.at.map((metres) => metres.toFixed(2));
     const least = answer.leastCovered_deg === null ? "no link goes through it" : `fewest links come from ${answer.leastCovered_deg.toFixed(0)}° to the x axis`;
+    // Links are pooled in squares of its own by a ground station; a tenth more or less is no lack.
+    const lacks = answer.links < 0.9 * answer.madeOf ? ` (the image was made of ${answer.madeOf}: this page's program has not heard all)` : "";
     const empty = answer.emptyRun === null ? "" : ` against run ${answer.emptyRun}`;
     this.result.textContent =
-      `x ${x}, y ${y} m: ${answer.value_dbpm.toFixed(3)} dB/m is the sum of ${answer.links} links of run ${answer.run}${empty} (solver map); ` +
+      `x ${x}, y ${y} m: ${answer.value_dbpm.toFixed(3)} dB/m is the sum of ${answer.links} links of run ${answer.run}${empty}${lacks} (solver map); ` +
       `the image shows ${Number.isNaN(shown) ? "nothing" : shown.toFixed(3)}. ${least}; ${answer.residualRms_db.toFixed(1)} dB stay unexplained.`;
     const strongest = Math.abs(answer.told[0]?.share_dbpm ?? 1) || 1;
     const drawn = answer.told.slice(0, DRAWN).filter((link) => Math.abs(link.share_dbpm) >= LEAST * strongest);

@@ -24,7 +24,8 @@ const NAMES_SHOWN: usize = 30;
 
 /// Validate configs, scenes and recordings; print what was understood.
 ///
-/// Every mistake is listed with file, line, key, value and what is allowed. A configuration that is right is printed as
+/// Every mistake of a configuration is listed with file, line, key, value and what is allowed, of a recording the first with
+/// its line. A configuration that is right is printed as
 /// TOML with all its values, also those that were left out and have defaults; read back from the same folder it means the
 /// same. Nothing is written.
 #[derive(clap::Args, Debug)]

@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::str::FromStr;
 
+use toml::value::{Datetime, Offset};
+
 use super::recording::{FARTHEST_M, RecordingError, quoted, wrong};
 use crate::geom::Point;
 
@@ -109,9 +111,16 @@ pub(super) struct CsvFields<'l> {
 }
 
 impl<'l> CsvFields<'l> {
-    /// Returns what stands in a column.
-    pub(super) fn text(&self, column: usize) -> &'l str {
-        self.fields[column]
+    /// Returns a moment in UTC.
+    ///
+    /// # Errors
+    /// It is none of ISO 8601 with the letter Z.
+    pub(super) fn moment(&self, column: usize) -> Result<Datetime, RecordingError> {
+        let is_utc = |moment: &Datetime| {
+            moment.date.is_some() && moment.time.is_some() && moment.offset == Some(Offset::Z)
+        };
+        let expected = || "a moment in UTC such as 2026-11-20T09:05:00.250Z".to_owned();
+        self.parsed(column, is_utc, expected)
     }
 
     /// Returns whether nothing stands in a column.

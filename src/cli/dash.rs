@@ -112,6 +112,12 @@ impl DashArgs {
         let started = Dashboard::start(operator, &context.venue, &at, self.files.clone());
         let mut dashboard = started.map_err(refused)?;
         if let Some(store) = &self.store {
+            if !store.is_file() {
+                let path = store.display();
+                complain(&format_args!(
+                    "warning: --store {path}: there is no such file yet; runs cannot be saved until it is there"
+                ));
+            }
             dashboard.set_store(Arc::new(StoreFiles::of(store)));
         }
         let [look, operate] = dashboard.links();
@@ -173,7 +179,7 @@ fn recorded(folder: &Path) -> Result<(Venue, RecordedRun), CliError> {
     if run.venue.is_empty() {
         let reason = match run.heard.is_empty() {
             true => {
-                "holds nothing that any node has said: it was cut off at its beginning, or is of an older version"
+                "holds nothing that any node has said: it was cut off soon after its beginning, lacks the part that begins it, or is of an older version"
             }
             false => "says no venue: it was recorded by an older version",
         };

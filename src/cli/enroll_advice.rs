@@ -134,10 +134,20 @@ pub(super) fn where_to_take_over<'a>(
     }
 }
 
+/// Returns a path as a word of a command that is to be typed: in quotes where it has a space or a letter that shells read.
+fn in_shell(path: &Path) -> String {
+    let path = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:@%,".contains(c);
+    match !path.is_empty() && path.chars().all(is_plain) {
+        true => path,
+        false => format!("'{}'", path.replace('\'', "'\\''")),
+    }
+}
+
 /// Returns what takes a node's folder over on its machine.
 fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
     let (name, file) = (CommonName::node_name(node), file_name(node));
-    let folder = folder.display();
+    let folder = in_shell(folder);
     match (node, hosts.iter().find(|host| is_far(host))) {
         (Sender::Operator(_), Some(host)) => {
             format!("  scp -pr {folder} {host}:, and there: tomoswarm preflight {name}/{file}\n")
@@ -159,7 +169,7 @@ pub(super) fn roster_advice(
     has_it: impl Fn(Sender) -> bool,
 ) -> String {
     let roster = swarm.folder.join(ROSTER);
-    let roster = roster.display();
+    let roster = in_shell(&roster);
     let (mut text, mut carried_away) = (String::new(), Vec::new());
     for node in next.allowed.iter().map(|entry| entry.name.node) {
         if has_it(node) {
@@ -172,7 +182,7 @@ pub(super) fn roster_advice(
         let line = match (node, hosts.iter().find(|host| is_far(host))) {
             // Its commands read its folder each time, and in a mesh its file names the new vehicles.
             (Sender::Operator(_), Some(host)) => {
-                format!("  scp -pr {} {host}:\n", swarm.node_folder(node).display())
+                format!("  scp -pr {} {host}:\n", in_shell(&swarm.node_folder(node)))
             }
             (Sender::Operator(_), None) => continue,
             (Sender::Ground | Sender::Vehicle(_), Some(host)) => {
@@ -203,4 +213,22 @@ pub(super) fn roster_advice(
         "keep {} on this machine, with a backup: who has it can enrol anyone\n",
         key.display()
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_with_spaces_or_quotes_is_one_word_of_a_command() {
+        for (path, word) in [
+            ("swarm/vehicle-1", "swarm/vehicle-1"),
+            ("schwärm/ground", "schwärm/ground"),
+            ("s w/ground", "'s w/ground'"),
+            ("a;b", "'a;b'"),
+            ("it's", "'it'\\''s'"),
+        ] {
+            assert_eq!(in_shell(Path::new(path)), word);
+        }
+    }
 }

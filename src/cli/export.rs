@@ -202,6 +202,21 @@ impl Export {
         Ok(lines)
     }
 
+    /// Returns what a run has measured of links, pooled as the ground station does.
+    ///
+    /// # Errors
+    /// The store cannot be read any more.
+    #[cfg(feature = "dash")]
+    pub(super) fn links(&self, run: RunId) -> Result<LinkBins, CliError> {
+        let stored = self.runs.iter().find(|stored| stored.run == run);
+        let imaging = stored.and_then(|stored| stored_run::imaging_of(stored, &self.starts));
+        let mut bins = empty_bins(imaging.as_ref());
+        self.store.each_sample(Some(run), |stored| {
+            bins.record_sample(stored.vehicle, &stored.sample);
+        })?;
+        Ok(bins)
+    }
+
     /// Returns in a line which program has made something of which store, and of which run of it.
     fn origin(&self, run: Option<RunId>) -> String {
         let path = self.store.path();
@@ -231,8 +246,7 @@ impl Export {
         }
         let origin = self.origin(Some(run));
         let mut text = format!("# {origin}\n{}{SAMPLES_HEADER}\n", comments(imaging));
-        let bin_m = imaging.map_or(BIN_M, |file| file.imaging.bin_m);
-        let mut bins = LinkBins::new(bin_m, SPOT_M);
+        let mut bins = empty_bins(imaging);
         let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
         let mut count = 0;
         self.store.each_sample(Some(run), |stored| {
@@ -265,7 +279,7 @@ impl Export {
                 ..file.clone()
             });
             let links = links_csv(&bins.measured_links(), as_measured.as_ref());
-            let text = format!("# {origin}, in squares of {bin_m} m\n{links}");
+            let text = format!("# {origin}, in squares of {} m\n{links}", bins.bin_m());
             target.write(&names[1], text.as_bytes())?;
         }
         for ((vehicle, boot), points) in driven {
@@ -279,6 +293,11 @@ impl Export {
         }
         Ok(count)
     }
+}
+
+/// Returns bins for the samples of a run, as the ground station that imaged it has them.
+fn empty_bins(imaging: Option<&LinksFile>) -> LinkBins {
+    LinkBins::new(imaging.map_or(BIN_M, |file| file.imaging.bin_m), SPOT_M)
 }
 
 /// Returns the venue as the ground station read it last.

@@ -12,6 +12,8 @@ use super::export::Export;
 use super::folder::OutputFolder;
 #[cfg(feature = "dash")]
 use crate::dash::run_files::RunFiles;
+#[cfg(feature = "dash")]
+use crate::tomo::LinkBins;
 
 /// Takes the files of an export.
 pub(super) trait ExportTarget {
@@ -104,5 +106,11 @@ impl RunFiles for StoreFiles {
             )
         };
         bytes.ok_or_else(known)
+    }
+
+    fn links(&self, run: RunId) -> Result<LinkBins, String> {
+        let export = Export::of(&self.store, Some(run.0));
+        let links = export.and_then(|export| export.links(run));
+        links.map_err(|error| error.to_string())
     }
 }

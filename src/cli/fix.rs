@@ -25,6 +25,8 @@ const WAITING: usize = 256;
 const SHOWN: u64 = 5;
 /// A place is no further away than this, metres.
 const FAR_M: f64 = 100_000.0;
+/// Trackers may count turns; more than this is none, degrees.
+const TURNED_DEG: f64 = 3600.0;
 /// Within this time what was said last leaves the machine, before the command ends.
 const LAST: Duration = Duration::from_millis(200);
 
@@ -85,7 +87,7 @@ fn is_place(coordinate: f64) -> bool {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Line {
-    vehicle: u8,
+    vehicle: u64,
     x_m: f64,
     y_m: f64,
     #[serde(default)]
@@ -162,13 +164,24 @@ impl FixArgs {
 
     /// Returns what a line says.
     fn fix(&self, text: &str) -> Result<Fix, String> {
-        let line: Line = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let line: Line = serde_json::from_str(text)
+            .map_err(|error| error.to_string().replace(" at line 1 column", " at column"))?;
         let is_sound = [line.x_m, line.y_m, line.z_m].into_iter().all(is_place);
         if !is_sound {
             return Err(format!("is further away than {FAR_M} m"));
         }
-        if !(1..=250).contains(&line.vehicle) {
-            return Err(format!("vehicle {}: 1 to 250 are allowed", line.vehicle));
+        let vehicle = u8::try_from(line.vehicle)
+            .ok()
+            .filter(|id| (1..=250).contains(id));
+        let vehicle =
+            vehicle.ok_or_else(|| format!("vehicle {}: 1 to 250 are allowed", line.vehicle))?;
+        if line
+            .heading_deg
+            .is_some_and(|degrees| !(-TURNED_DEG..=TURNED_DEG).contains(&degrees))
+        {
+            return Err(format!(
+                "heading_deg: -{TURNED_DEG} to {TURNED_DEG} are allowed"
+            ));
         }
         let age_ms = line.age_s * 1000.0;
         if !(0.0..=f64::from(FIX_AGE_MAX_MS)).contains(&age_ms) {
@@ -183,7 +196,7 @@ impl FixArgs {
             Heading::from_radians((Angle::from_degrees(degrees) + self.origin.turned).radians())
         });
         Ok(Fix {
-            vehicle: VehicleId(line.vehicle),
+            vehicle: VehicleId(vehicle),
             at: Position::from_metres(at.x_m, at.y_m, line.z_m),
             heading,
             sd: line.sd_m.map_or(Deviation::UNKNOWN, Deviation::from_metres),
@@ -260,7 +273,14 @@ mod tests {
             ("1,2,3", "expected"),
             (r#"{"vehicle": 1, "x_m": 0}"#, "y_m"),
             (r#"{"vehicle": 0, "x_m": 0, "y_m": 0}"#, "1 to 250"),
-            (r#"{"vehicle": 300, "x_m": 0, "y_m": 0}"#, "300"),
+            (
+                r#"{"vehicle": 300, "x_m": 0, "y_m": 0}"#,
+                "vehicle 300: 1 to 250",
+            ),
+            (
+                r#"{"vehicle": 1, "x_m": 0, "y_m": 0, "heading_deg": 1e300}"#,
+                "-3600 to 3600",
+            ),
             (r#"{"vehicle": 1, "x_m": 1e9, "y_m": 0}"#, "further away"),
             (
                 r#"{"vehicle": 1, "x_m": 1, "y_m": 0, "age_s": 3}"#,

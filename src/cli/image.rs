@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use crate::config::SourceFile;
+use crate::config::{LinksFile, SourceFile};
 use crate::geom::{Point, Rect};
 use crate::tomo::{Extras, Imager, ImagingSettings, ImagingStep, Link, Solver, TomoError};
 use clap::Args;
@@ -492,6 +492,16 @@ fn read_files(
         runs.extend(recording.runs);
         is_without_offsets &= recording.is_without_offsets;
         area = area.or(recording.area);
+        let own = recording.imaging.as_ref();
+        let is_other = |first: &LinksFile| {
+            own.is_some_and(|own| own.area != first.area || own.imaging != first.imaging)
+        };
+        if imaging.as_ref().is_some_and(is_other) {
+            let (path, first) = (path.display(), paths[0].display());
+            complain(&format_args!(
+                "warning: {path}: its head says another area or [imaging] than the files before it, from {first} on, which count"
+            ));
+        }
         imaging = imaging.or(recording.imaging);
         pooled_in_m = recording.pooled_in_m.filter(|_| paths.len() == 1);
     }

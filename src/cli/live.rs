@@ -9,7 +9,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::{RunId, Sender, VehicleId};
 
 use super::error::CliError;
 use super::folder::OutputFolder;
@@ -26,7 +26,7 @@ use super::stop::{STOPPED, StopFlag};
 use crate::config::{Expect, Sim, Topology, XBEE_POWERS_DBM, XbeePort};
 use crate::geom::Point;
 use crate::run::link::WorldControl;
-use crate::run::live::files::LiveAddresses;
+use crate::run::live::files::{LiveAddresses, SCENARIO_OPERATOR};
 use crate::run::live::gather;
 use crate::run::live::processes::{Dead, Ended, ProcessEvent, Processes, Rank, free_ports};
 use crate::run::live::scenario_runner::{RunLog, ScenarioRunner, ScenarioStatus};
@@ -189,7 +189,9 @@ impl Swarm {
                 .start(&name, Rank::Vehicle, vehicle)
                 .map_err(fault)?;
         }
-        let operator = OperatorContext::read(&folder.join(OPERATOR))?.open()?;
+        let mut operator = OperatorContext::read(&folder.join(OPERATOR))?;
+        operator.settings.node = Sender::Operator(SCENARIO_OPERATOR);
+        let operator = operator.open()?;
         let control = WorldControl::connect(address, &token);
         let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
         let store = folder.join(STORE);
@@ -221,10 +223,13 @@ impl Swarm {
                 .into_iter()
                 .find_map(|news| self.report_event(news, &bar))
             {
-                break Some(format!(
-                    "{} has ended: {}\n{}",
-                    dead.name, dead.how, dead.last_words
-                ));
+                bar.suspend(|| {
+                    complain(&format_args!(
+                        "{}: its last lines:\n{}",
+                        dead.name, dead.last_words
+                    ))
+                });
+                break Some(dead.to_string());
             }
             if now >= shown {
                 shown = now + SHOWN_EVERY;
@@ -251,8 +256,10 @@ impl Swarm {
                 None
             }
             ProcessEvent::Dead(dead) => {
-                self.scenario_runner
-                    .note(&dead.name, &format!("has ended: {}", dead.how));
+                self.scenario_runner.note(
+                    &dead.name,
+                    &format!("has ended{}: {}", dead.limit(), dead.how),
+                );
                 Some(dead)
             }
         }

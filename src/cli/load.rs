@@ -60,14 +60,18 @@ impl LoadedSimulation {
 type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim, Problems>;
 
 /// Returns the bundled simulation that is meant: the courtyard without a file, or the one whose plain name is given where no
-/// such file lies.
+/// such file lies; a folder of that name, as `sim castle --out castle` makes one, is none.
 pub(super) fn bundled_one(file: Option<&Path>) -> Option<&'static str> {
     let Some(path) = file else {
         return Some(bundled::COURTYARD);
     };
     path.to_str()
         .and_then(bundled::simulation)
-        .filter(|_| !path.exists())
+        .filter(|_| is_no_file(path))
+}
+
+fn is_no_file(path: &Path) -> bool {
+    !path.exists() || path.is_dir()
 }
 
 /// Returns the text of a simulation file; the bundled example without one.
@@ -136,7 +140,7 @@ fn load_as(
 /// Returns what is wrong with a plain name that is neither a file's nor a bundled simulation's.
 pub(super) fn no_such_name(path: &Path) -> Option<CliError> {
     let is_name = |name: &&str| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
-    let name = path.to_str().filter(is_name).filter(|_| !path.exists())?;
+    let name = path.to_str().filter(is_name).filter(|_| is_no_file(path))?;
     let meant = config::nearest(name, bundled::NAMES)
         .map_or(String::new(), |near| format!("; did you mean {near}?"));
     let reason = format!(
@@ -189,7 +193,13 @@ pub(super) fn shapes_of(
     let Some(file) = &scene.wrl else {
         return Ok(VrmlScene::default());
     };
-    let mut shapes = read_shapes(file, scene.up, loader)?;
+    let mut shapes = read_shapes(file, scene.up, loader).map_err(|error| match error {
+        CliError::Input { path, reason } => CliError::Input {
+            path,
+            reason: format!("{reason}; the scene's key `wrl` names it"),
+        },
+        other => other,
+    })?;
     let lowest_m = shapes.shapes.iter().fold(f64::INFINITY, |low_m, shape| {
         low_m.min(shape.shape.lowest_m())
     }) + scene.offset_m[2];

@@ -87,7 +87,7 @@ Examples:
   tomoswarm mock-autopilot --count 60 --one-link --speedup 10
   tomoswarm mock-autopilot --scene configs/courtyard.sim.toml --tcp 127.0.0.1:5760
 
-Exit codes: 0 ended as asked; 1 a port cannot be used, or a vehicle has touched something; 2 bad usage or bad files.";
+Exit codes: 0 ended as asked; 1 a vehicle has touched something; 2 bad usage, bad files, or a port that cannot be used.";
 
 impl MockAutopilotArgs {
     /// Serves the vehicles until it is asked to stop.
@@ -117,8 +117,9 @@ impl MockAutopilotArgs {
         }
         let mock = MockAutopilots::start(environment, &settings, self.speedup).map_err(
             |error| match error {
-                PortError::Address { .. } => CliError::Fault(error.to_string()),
-                PortError::Parameter(_) => CliError::Usage(error.to_string()),
+                PortError::Address { .. } | PortError::Parameter(_) => {
+                    CliError::Usage(error.to_string())
+                }
             },
         )?;
         let lines: String = mock

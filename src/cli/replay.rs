@@ -81,7 +81,7 @@ impl ReplayArgs {
             )));
         }
         if replayed.actors.is_empty() {
-            let reason = "no actor took a step in what was recorded; a recording that was not cut off at its beginning is expected";
+            let reason = "no actor took a step in what was recorded: it was cut off soon after its beginning, or lacks the part that begins it";
             return Err(CliError::Usage(reason.to_owned()));
         }
         let differing = replayed

@@ -195,12 +195,17 @@ impl RunFigures {
             (Some(why), true) => format!("FAILED: {why}"),
             (Some(why), false) => format!("NOT finished: {why}"),
         };
+        // Those of a live swarm are not counted.
+        let events = match self.events {
+            0 => String::new(),
+            count => format!(", {:.0} events/s", count as f64 / self.wall_s.max(1e-9)),
+        };
         format!(
             "{} with {}, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
              {}\
              collisions        {}; fence breaches {}; minimum separation {separation}\n\
-             work              {:.0} scans/s, {:.0} events/s of wall time; {:.1} kB/s sent per vehicle\n",
+             work              {:.0} scans/s{events} of wall time; {:.1} kB/s sent per vehicle\n",
             self.scene,
             counted(self.vehicles, "vehicle"),
             self.seed,
@@ -211,7 +216,6 @@ impl RunFigures {
             self.collisions,
             self.fence_breaches,
             self.scans as f64 / self.wall_s.max(1e-9),
-            self.events as f64 / self.wall_s.max(1e-9),
             self.bus_bytes_per_vehicle_s / 1e3,
         )
     }
@@ -300,7 +304,7 @@ impl RunFigures {
             "mishaps": self.mishaps,
             "min_separation_m": self.min_separation_m,
             "scans": self.scans,
-            "events": self.events,
+            "events": (self.events > 0).then_some(self.events),
             "messages": self.messages,
             "bus_bytes": self.bus_bytes_by_kind.values().sum::<u64>(),
             "bus_bytes_by_kind": self.bus_bytes_by_kind,

@@ -169,19 +169,19 @@ pub(super) fn read_samples<'a>(
             }),
             _ => None,
         });
-        times.push((utc.map_or("", |utc| fields.text(utc)), heard_at_s));
+        let utc = utc.filter(|utc| !fields.is_empty(*utc));
+        times.push((utc.map(|utc| fields.moment(utc)).transpose()?, heard_at_s));
     }
     if links.is_empty() {
         let expected = "at least one sample with both places";
         return Err(wrong("2: ".into(), "the end of the file", expected));
     }
-    let has_utc = times.iter().all(|(utc, _)| !utc.is_empty());
+    let has_utc = times.iter().all(|(utc, _)| utc.is_some());
     let mut in_time: Vec<usize> = (0..links.len()).collect();
     in_time.sort_by(|a, b| {
         let ((utc_a, clock_a), (utc_b, clock_b)) = (times[*a], times[*b]);
-        // Moments of ISO 8601 are in the order of their letters.
         let by_utc = if has_utc {
-            utc_a.cmp(utc_b)
+            utc_a.cmp(&utc_b)
         } else {
             Ordering::Equal
         };
@@ -356,6 +356,28 @@ mod tests {
         ] {
             let said = problem(&format!("{good}{row}\n"));
             assert!(said.starts_with(expected), "{row}: {said}");
+        }
+        let mut timed = sample(0, 1.0, Some(-60));
+        timed.utc_s = Some((1.8e9, 0.01));
+        let timed = file(&[timed]);
+        let utc = "2027-01-15T08:00:00.000Z";
+        assert!(
+            read_recording(timed.as_bytes()).is_ok() && timed.contains(utc),
+            "{timed}"
+        );
+        for wrong in [
+            "banana",
+            "2027-01-15",
+            "08:00:00Z",
+            "2027-01-15T08:00:00",
+            "2027-01-15T08:00:00+01:00",
+            "2027-13-15T08:00:00Z",
+        ] {
+            let said = problem(&timed.replace(utc, wrong));
+            let expected = format!(
+                "2: found \"{wrong}\", expected a moment in UTC such as 2026-11-20T09:05:00.250Z"
+            );
+            assert_eq!(said, expected);
         }
         for (text, expected) in [
             (SAMPLES_HEADER.to_owned(), "2: found the end of the file"),

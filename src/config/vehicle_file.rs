@@ -100,7 +100,7 @@ impl Keyed for Record {
             limit_mb,
             Whole {
                 name: "limit_mb",
-                default: 4000,
+                default: 10_000,
                 allowed: 0..=1_000_000,
                 means,
             },

@@ -12,7 +12,7 @@ use super::marks::MarkState;
 use super::run_files::{MARKS_HEADER, RunFiles, exported};
 use crate::config::{Config, Venue, to_toml};
 use crate::geom::Point;
-use crate::tomo::links_csv;
+use crate::tomo::{LinkBins, links_csv};
 
 /// What was heard.
 #[derive(Clone, Debug)]
@@ -86,9 +86,8 @@ impl HeardFiles {
     /// Nothing was heard of them; in words.
     pub fn links_file(&self, run: RunId) -> Result<String, String> {
         let links = self.links.measured(run);
-        let nothing = || format!("this page has heard no samples of run {run}");
         let text = (!links.is_empty()).then(|| links_csv(&links));
-        text.ok_or_else(nothing)
+        text.ok_or_else(|| no_samples(run))
     }
 
     /// Returns the file of a name; `None` = there is none of that.
@@ -171,6 +170,15 @@ impl RunFiles for HeardFiles {
             )
         })
     }
+
+    fn links(&self, run: RunId) -> Result<LinkBins, String> {
+        let bins = self.links.bins(run).cloned();
+        bins.ok_or_else(|| no_samples(run))
+    }
+}
+
+fn no_samples(run: RunId) -> String {
+    format!("this page has heard no samples of run {run}")
 }
 
 #[cfg(test)]

@@ -2,10 +2,13 @@
 //! by a ground station whose file says no other `bin_m`, each once. It knows those that this server has heard; a server
 //! that began in the middle of a run lacks what came before.
 //!
-//! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs and links; the
-//! samples themselves are kept as long as there is room ([`SampleBook`]).
+//! Of each image it is known how many samples had come before it ([`SamplesHeard`]), so that the links can be had as they
+//! were when an earlier image came.
+//!
+//! Memory is bounded whatever is sent: of one source so many sequences above a gap, so many sources, runs, links and images;
+//! the samples themselves are kept as long as there is room ([`SampleBook`]).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use tomoswarm_proto::{Boot, RunId, Samples, VehicleId};
@@ -21,12 +24,22 @@ const SOURCES_MAX: usize = 1024;
 const RUNS_MAX: usize = 16;
 /// Links of one run at most.
 const LINKS_MAX: usize = 100_000;
+/// Images of which it is known what had come before them, at most: the newest.
+const IMAGES_MAX: usize = 4096;
+
+/// An image: its run, and its number in the run.
+type Edition = (RunId, u32);
+
+/// How many samples of each run had been heard at a moment.
+pub type SamplesHeard = BTreeMap<RunId, u64>;
 
 /// The links of all runs, and which samples have come.
 #[derive(Clone, Debug, Default)]
 pub struct LinkBook {
     received: BTreeMap<(RunId, VehicleId, Boot), ReceivedSequences>,
     heard: HeardLinks,
+    /// What had come before each image, in the order in which those came.
+    images: VecDeque<(Edition, SamplesHeard)>,
 }
 
 /// The links of all runs. A copy costs nothing: it shares all of them until more comes, so that a thread can have one.
@@ -63,9 +76,23 @@ impl LinkBook {
         }
     }
 
-    /// Keeps no samples themselves from now on: whoever saves them has a store.
-    pub fn keep_no_samples(&mut self) {
-        self.heard.samples = SampleBook::new(0);
+    /// Takes that an image has come, or a part of one.
+    pub fn image_came(&mut self, image: Edition) {
+        if self.before_image(image).is_some() {
+            return;
+        }
+        let HeardLinks { bins, samples } = &self.heard;
+        let heard = bins.keys().map(|run| (*run, samples.heard(*run)));
+        self.images.push_back((image, heard.collect()));
+        if self.images.len() > IMAGES_MAX {
+            self.images.pop_front();
+        }
+    }
+
+    /// Returns what had come before an image; `None` = that is not known, or not any more.
+    pub fn before_image(&self, image: Edition) -> Option<&SamplesHeard> {
+        let (_, heard) = self.images.iter().rev().find(|(of, _)| *of == image)?;
+        Some(heard)
     }
 
     /// Returns what has come of links.
@@ -91,6 +118,48 @@ impl HeardLinks {
     /// Returns the samples themselves.
     pub fn samples(&self) -> &SampleBook {
         &self.samples
+    }
+
+    /// Makes links of what each run has measured.
+    pub fn of_runs(bins: impl IntoIterator<Item = (RunId, LinkBins)>) -> HeardLinks {
+        let shared = |(run, bins)| (run, Arc::new(bins));
+        HeardLinks {
+            bins: bins.into_iter().map(shared).collect(),
+            samples: SampleBook::default(),
+        }
+    }
+
+    /// Returns the links of some runs as they were when so many samples had been heard.
+    ///
+    /// # Errors
+    /// Some of those samples had no room; in words.
+    pub fn when(
+        &self,
+        heard: &SamplesHeard,
+        runs: impl IntoIterator<Item = RunId>,
+    ) -> Result<HeardLinks, String> {
+        let mut links = Vec::new();
+        for run in runs {
+            let count = heard.get(&run).copied().unwrap_or_default();
+            let kept = self.samples.kept(run);
+            if kept < count {
+                return Err(format!(
+                    "of the {count} samples of run {run} before this image only {kept} are kept: there was no room"
+                ));
+            }
+            let mut bins = LinkBins::default();
+            let samples = self.samples.of(run).zip(0..count);
+            for ((vehicle, _, sample), _) in samples {
+                bins.record_sample(vehicle, &sample);
+            }
+            links.push((run, bins));
+        }
+        Ok(HeardLinks::of_runs(links))
+    }
+
+    /// Returns what a run has measured; `None` = nothing was heard of it.
+    pub fn bins(&self, run: RunId) -> Option<&LinkBins> {
+        self.bins.get(&run).map(Arc::as_ref)
     }
 
     /// Returns whether anything was heard of the links of a run.

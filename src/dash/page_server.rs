@@ -198,6 +198,10 @@ impl PageServer {
                 self.links.take(batch);
                 heard.clone()
             }
+            HeardMessage::Message(_, Message::Image(image)) => {
+                self.links.image_came((image.run, image.sequence));
+                heard.clone()
+            }
             HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => {
                 heard.clone()
             }
@@ -239,11 +243,6 @@ impl PageServer {
     /// Takes how the ground station images the structure and the change, by the solver `map`.
     pub fn set_imaging(&mut self, structure: ImagingSettings, change: ImagingSettings) {
         self.imaging = Some([structure, change]);
-    }
-
-    /// Takes that runs are saved from a store, so that samples need not be kept here.
-    pub fn keep_no_samples(&mut self) {
-        self.links.keep_no_samples();
     }
 
     /// Takes that nothing more will be told: this is a recording, which pages see from its beginning.

@@ -6,6 +6,7 @@ use tomoswarm_proto::RunId;
 
 use crate::config::{Venue, WaypointFile};
 use crate::geom::Geodetic;
+use crate::tomo::LinkBins;
 
 /// Places farther away than this are none of a venue, metres.
 const FARTHEST_M: f64 = 1e5;
@@ -26,6 +27,12 @@ pub trait RunFiles {
     /// # Errors
     /// There is no such run or no such file, or it cannot be made; in words.
     fn file(&self, run: RunId, name: &str) -> Result<Vec<u8>, String>;
+
+    /// Returns what a run has measured of links.
+    ///
+    /// # Errors
+    /// There is no such run, or it cannot be read; in words.
+    fn links(&self, run: RunId) -> Result<LinkBins, String>;
 }
 
 /// Returns what was asked for: a file, or without a name which files there are, and from where (JSON).

@@ -24,6 +24,7 @@ pub struct SampleBook {
 #[derive(Clone, Debug, Default)]
 struct RunSamples {
     packed: Vec<u8>,
+    kept: u64,
     left_out: u64,
 }
 
@@ -34,7 +35,7 @@ impl Default for SampleBook {
 }
 
 impl SampleBook {
-    /// Makes an empty one of so many bytes at most; one of none keeps nothing.
+    /// Makes an empty one of so many bytes at most.
     pub fn new(bytes_max: usize) -> SampleBook {
         SampleBook {
             runs: BTreeMap::new(),
@@ -45,9 +46,6 @@ impl SampleBook {
 
     /// Takes a sample that is new.
     pub fn take(&mut self, run: RunId, who: (VehicleId, Boot), sample: &Sample) {
-        if self.bytes_max == 0 {
-            return;
-        }
         let packed = codec::pack(&(who, sample)).unwrap_or_default();
         let Ok(length) = u16::try_from(packed.len()) else {
             return;
@@ -64,6 +62,7 @@ impl SampleBook {
         let of_run = self.run_mut(run);
         of_run.packed.extend(length.to_le_bytes());
         of_run.packed.extend(&packed);
+        of_run.kept += 1;
         self.bytes += packed.len() + 2;
     }
 
@@ -76,16 +75,34 @@ impl SampleBook {
         self.runs.get(&run).map_or(0, |of_run| of_run.left_out)
     }
 
-    /// Returns the samples of a run as CSV, in the order in which they came; `None` = there are none.
-    pub fn csv(&self, run: RunId) -> Option<String> {
-        let of_run = self.runs.get(&run)?;
-        let mut text = format!("{SAMPLES_HEADER}\n");
-        let mut rest = of_run.packed.as_slice();
-        while let Some((length, after)) = rest.split_first_chunk() {
+    /// Returns how many samples of a run have come, those that were left out included.
+    pub fn heard(&self, run: RunId) -> u64 {
+        self.kept(run) + self.left_out(run)
+    }
+
+    /// Returns how many samples of a run are kept.
+    pub fn kept(&self, run: RunId) -> u64 {
+        self.runs.get(&run).map_or(0, |of_run| of_run.kept)
+    }
+
+    /// Returns the samples of a run that are kept, in the order in which they came, each with the vehicle that made it.
+    pub fn of(&self, run: RunId) -> impl Iterator<Item = (VehicleId, Boot, Sample)> {
+        let of_run = self.runs.get(&run);
+        let mut rest = of_run.map_or(&[][..], |of_run| of_run.packed.as_slice());
+        std::iter::from_fn(move || {
+            let (length, after) = rest.split_first_chunk()?;
             let (packed, after) = after.split_at_checked(u16::from_le_bytes(*length).into())?;
             rest = after;
-            let ((vehicle, boot), sample): ((VehicleId, Boot), Sample) =
-                codec::unpack(packed).ok()?;
+            let ((vehicle, boot), sample) = codec::unpack(packed).ok()?;
+            Some((vehicle, boot, sample))
+        })
+    }
+
+    /// Returns the samples of a run as CSV, in the order in which they came; `None` = there are none.
+    pub fn csv(&self, run: RunId) -> Option<String> {
+        self.runs.get(&run)?;
+        let mut text = format!("{SAMPLES_HEADER}\n");
+        for (vehicle, boot, sample) in self.of(run) {
             let line = SampleLine {
                 vehicle,
                 boot,
@@ -136,6 +153,7 @@ mod tests {
         assert!(lines[1].starts_with("1,7,3,4,4.000000,,,2,") && lines[1].ends_with(",-60"));
         assert!(lines[2].starts_with("1,7,3,5,5.000000,,,2,") && lines[2].ends_with(','));
         assert_eq!((lines.len(), book.csv(RunId(4))), (3, None));
+        assert_eq!((book.kept(RunId(3)), book.kept(RunId(4))), (2, 0));
     }
 
     #[test]
@@ -149,8 +167,10 @@ mod tests {
             book.take(RunId(2), WHO, &sample(sequence));
         }
         assert!(!book.has(RunId(1)) && book.bytes <= 2000);
-        let kept = book.csv(RunId(2)).unwrap().lines().count() as u64 - 1;
+        let kept = book.kept(RunId(2));
         assert!(kept > 10, "{kept}");
+        assert_eq!(book.of(RunId(2)).count() as u64, kept);
+        assert_eq!(book.csv(RunId(2)).unwrap().lines().count() as u64, kept + 1);
         assert_eq!(kept + book.left_out(RunId(2)), 500);
     }
 }

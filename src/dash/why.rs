@@ -2,13 +2,19 @@
 //! ([`WhyQuestion`]), made of the links that were heard ([`super::links`]), and answered apart from the server's loop
 //! ([`WhyTask`]), since it takes about a second.
 //!
+//! An earlier image, which a page sees that looks back, was made of what had been measured until it came: so is the answer.
+//! Of the newest image it is made of all that was heard; where there is a ground station's store, of what that has, also of
+//! what was sent before this program began.
+//!
 //! Only the solver `map` knows which links made a pixel, so that is what answers, on the grid of the image that is shown;
 //! its value and that of an image by another solver differ, and the page says both.
 
 use serde::Deserialize;
 use tomoswarm_proto::{Image, RunId};
 
-use super::links::HeardLinks;
+use super::gate::PageId;
+use super::links::{HeardLinks, SamplesHeard};
+use super::run_files::RunFiles;
 use super::told::{Why, WhyLink, as_text};
 use crate::geom::{PixelGrid, Point, Rect, Segment};
 use crate::tomo::{Extras, Imager, ImagingSettings, Link, LinkShare};
@@ -18,7 +24,7 @@ const TOLD: usize = 200;
 /// An image of more pixels is not computed again for a question.
 const MOST_PIXELS: usize = 40_000;
 
-/// What a page asks.
+/// What a page asks: about the image that it sees.
 #[derive(Clone, PartialEq, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhyQuestion {
@@ -26,6 +32,9 @@ pub struct WhyQuestion {
     pub subject: u8,
     /// The place, metres.
     pub at: [f64; 2],
+    /// The page, which may look at another time; without one the newest image is meant.
+    #[serde(default)]
+    pub page: Option<PageId>,
 }
 
 /// A question with all that was heard.
@@ -39,6 +48,10 @@ pub struct WhyTask {
     pub empty_run: Option<RunId>,
     /// The links of all runs.
     pub links: HeardLinks,
+    /// What had been heard when the image came, if it is an earlier one.
+    pub earlier: Option<SamplesHeard>,
+    /// How many links the image was made of, as it says itself.
+    pub made_of: u32,
     /// How it is imaged.
     pub settings: ImagingSettings,
     /// The place.
@@ -46,17 +59,27 @@ pub struct WhyTask {
 }
 
 impl WhyTask {
-    /// Returns the answer as text (JSON).
+    /// Returns the answer as text (JSON); `store` is that of a ground station, if there is one.
     ///
     /// # Errors
-    /// No samples were heard of a run; or there is no answer ([`WhyJob::answer`]); in words.
-    pub fn answer(self) -> Result<String, String> {
+    /// No samples were heard of a run, or not all that an earlier image was made of are kept; the store cannot be read; or
+    /// there is no answer ([`WhyJob::answer`]); in words.
+    pub fn answer(self, store: Option<&dyn RunFiles>) -> Result<String, String> {
+        let runs = std::iter::once(self.run).chain(self.empty_run);
+        let links = match (&self.earlier, store) {
+            (Some(heard), _) => self.links.when(heard, runs)?,
+            (None, Some(store)) => {
+                let stored = runs.map(|run| Ok((run, store.links(run)?)));
+                HeardLinks::of_runs(stored.collect::<Result<Vec<_>, String>>()?)
+            }
+            (None, None) => self.links,
+        };
         let (now, empty) = match self.empty_run {
             Some(empty) => {
-                let (now, empty) = self.links.against(self.run, empty);
+                let (now, empty) = links.against(self.run, empty);
                 (now, Some(empty))
             }
-            None => (self.links.of(self.run), None),
+            None => (links.of(self.run), None),
         };
         let lacks = now.is_empty() || empty.as_ref().is_some_and(Vec::is_empty);
         if lacks || (self.is_change && empty.is_none()) {
@@ -68,7 +91,8 @@ impl WhyTask {
             empty_run: self.empty_run,
             now,
             empty,
-            heard: self.links,
+            heard: links,
+            made_of: self.made_of,
             settings: self.settings,
             at: self.at,
         };
@@ -89,6 +113,8 @@ pub struct WhyJob {
     pub empty: Option<Vec<Link>>,
     /// What was heard of the links of all runs, which says who has measured which.
     pub heard: HeardLinks,
+    /// How many links the image was made of, as it says itself.
+    pub made_of: u32,
     /// How it is imaged.
     pub settings: ImagingSettings,
     /// The place.
@@ -142,6 +168,7 @@ impl WhyJob {
             at: [shares.at.x_m, shares.at.y_m],
             value_dbpm: shares.value,
             links: shares.links.len(),
+            made_of: self.made_of,
             nearest_m: nearest.min_by(f64::total_cmp),
             residual_rms_db: made.residual_rms_db,
             least_covered_deg: least_covered_deg(&shares.links, shares.at),
@@ -198,7 +225,9 @@ fn least_covered_deg(links: &[LinkShare], at: Point) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::dash::links::LinkBook;
+    use crate::tomo::LinkBins;
     use serde_json::{Value, json};
+    use std::collections::BTreeMap;
     use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples, VehicleId};
 
     fn job(at: Point) -> WhyJob {
@@ -219,6 +248,7 @@ mod tests {
             now,
             empty: None,
             heard: HeardLinks::default(),
+            made_of: 20,
             settings: ImagingSettings::for_area(area),
             at,
         }
@@ -297,6 +327,64 @@ mod tests {
         assert_eq!(by(7.0), json!([]), "it is not known who");
     }
 
+    /// A store that has one run.
+    struct Stored(LinkBins);
+
+    impl RunFiles for Stored {
+        fn names(&self, _: RunId) -> Result<Vec<String>, String> {
+            Ok(Vec::new())
+        }
+
+        fn file(&self, _: RunId, name: &str) -> Result<Vec<u8>, String> {
+            Err(name.to_owned())
+        }
+
+        fn links(&self, run: RunId) -> Result<LinkBins, String> {
+            let bins = (run == RunId(2)).then(|| self.0.clone());
+            bins.ok_or_else(|| format!("there is no run {run}"))
+        }
+    }
+
+    #[test]
+    fn a_store_knows_what_was_sent_before_this_program_began() {
+        let job = job(Point::new(9.0, 9.0));
+        let mut bins = LinkBins::default();
+        for link in &job.now {
+            bins.record_link(None, link);
+        }
+        let store = Stored(bins);
+        let task = |empty_run| WhyTask {
+            run: RunId(2),
+            is_change: false,
+            empty_run,
+            links: HeardLinks::default(),
+            earlier: None,
+            made_of: 20,
+            settings: job.settings,
+            at: job.at,
+        };
+        let said = task(None).answer(Some(&store)).unwrap();
+        assert!(said.contains("\"links\":20"), "{said}");
+        let refused = task(Some(RunId(1))).answer(Some(&store)).unwrap_err();
+        assert_eq!(refused, "there is no run 1");
+    }
+
+    #[test]
+    fn an_earlier_image_whose_samples_have_no_room_any_more_is_not_answered_by_halves() {
+        let task = WhyTask {
+            run: RunId(2),
+            is_change: false,
+            empty_run: None,
+            links: HeardLinks::default(),
+            earlier: Some(BTreeMap::from([(RunId(2), 700)])),
+            made_of: 20,
+            settings: job(Point::new(9.0, 9.0)).settings,
+            at: Point::new(9.0, 9.0),
+        };
+        let refused = task.answer(None).unwrap_err();
+        assert!(refused.contains("of the 700 samples of run 2"), "{refused}");
+    }
+
     #[test]
     fn a_run_that_was_not_heard_or_is_compared_with_none_is_said() {
         let task = |is_change| WhyTask {
@@ -304,11 +392,13 @@ mod tests {
             is_change,
             empty_run: None,
             links: HeardLinks::default(),
+            earlier: None,
+            made_of: 20,
             settings: job(Point::new(9.0, 9.0)).settings,
             at: Point::new(9.0, 9.0),
         };
         for is_change in [true, false] {
-            let refused = task(is_change).answer().unwrap_err();
+            let refused = task(is_change).answer(None).unwrap_err();
             assert!(refused.contains("has not heard the samples"), "{refused}");
         }
     }

@@ -334,7 +334,7 @@ impl Station {
             self.lead(now, out);
         }
         out.push(Out::Publish(Message::Report(
-            self.parts_to_report().report(),
+            self.parts_to_report(now).report(),
         )));
     }
 
@@ -513,8 +513,9 @@ impl Station {
         }
     }
 
-    fn parts_to_report(&self) -> PartsToReport<'_> {
+    fn parts_to_report(&self, now: Time) -> PartsToReport<'_> {
         PartsToReport {
+            now,
             boot: self.constants.boot,
             leases: &self.leases,
             fleet: &self.fleet,

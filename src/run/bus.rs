@@ -36,6 +36,7 @@ use zenoh::sample::Locality;
 use self::hearing::{ReopenReason, SessionHearing};
 use self::library_panics::{PanicsSeen, guarded};
 use self::links::LinkCounter;
+use self::settings::without_places;
 pub use self::settings::{BusError, BusSettings, BusTraffic, SessionTopology, Trust};
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
@@ -281,7 +282,7 @@ impl Shared {
         }
         let text = zenoh_config::session(&settings, self.is_hub()).to_string();
         let settings_error = |error: &dyn std::fmt::Display| BusError::Settings {
-            reason: error.to_string(),
+            reason: without_places(&error.to_string()),
         };
         let config = zenoh::Config::from_json5(&text).map_err(|error| settings_error(&error))?;
         let session = zenoh::open(config)
@@ -289,7 +290,7 @@ impl Shared {
             .map_err(|error| match self.is_hub() {
                 true => BusError::Listen {
                     endpoints: self.settings.listen.join(", "),
-                    reason: error.to_string(),
+                    reason: without_places(&error.to_string()),
                 },
                 false => settings_error(&error),
             })?;

@@ -270,8 +270,8 @@ fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
     let utc = SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)
         .ok();
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
+    let text = match fs::read(path) {
+        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
             return Ok(first_boot(utc, membership::draw()?));
         }

@@ -152,6 +152,11 @@ impl Default for LinkBins {
 }
 
 impl LinkBins {
+    /// Returns the side of the squares in which links are pooled, metres.
+    pub fn bin_m(&self) -> f64 {
+        self.bin_m
+    }
+
     /// Makes empty bins; both sides in metres, positive.
     pub fn new(bin_m: f64, spot_m: f64) -> LinkBins {
         debug_assert!(bin_m > 0.0 && spot_m > 0.0);

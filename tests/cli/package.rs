@@ -1,4 +1,5 @@
-//! What the package says that it is, and what its own script asks of the machine after an installation and after an upgrade.
+//! What the package says that it is, what its own script asks of the machine after an installation and after an upgrade, and
+//! what its other script leaves of nodes after a purge.
 
 use std::fs;
 use std::path::Path;
@@ -64,6 +65,112 @@ fn devices_are_named_anew_at_the_first_installation_and_left_alone_by_an_upgrade
         let expected = format!("{unit} runs on with the former program until");
         assert!(said.contains(&expected), "{said}");
     }
+}
+
+/// Runs `postrm purge` where nodes have their folders below `state` and `etc`; returns what it says, line by line.
+fn purge(state: &Path, etc: &Path) -> Vec<String> {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/deploy/debian/postrm");
+    let mut script = fs::read_to_string(script).unwrap();
+    for (named, own) in [("/var/lib/tomoswarm", state), ("/etc/tomoswarm", etc)] {
+        assert!(script.contains(named));
+        script = script.replace(named, own.to_str().unwrap());
+    }
+    let run = Command::new("sh")
+        .args(["-c", &script, "postrm", "purge"])
+        .output()
+        .unwrap();
+    assert!(run.status.success() && run.stderr.is_empty(), "{run:?}");
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    said.lines().map(str::to_owned).collect()
+}
+
+/// Writes files below a folder.
+fn write_all(folder: &Path, files: &[&str]) {
+    for file in files {
+        let file = folder.join(file);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(file, "1").unwrap();
+    }
+}
+
+/// Returns the files below a folder, in order.
+fn files_below(folder: &Path) -> Vec<String> {
+    let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false => {
+                    let below = path.strip_prefix(folder).unwrap();
+                    files.push(below.to_str().unwrap().to_owned());
+                }
+            }
+        }
+    }
+    files.sort_unstable();
+    files
+}
+
+#[test]
+fn a_purge_keeps_what_was_not_delivered_names_it_and_deletes_the_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let (state, etc) = (folder.path().join("state"), folder.path().join("etc"));
+    let kept = [
+        "ground/boot",
+        "ground/flight/flight-000001.mcap",
+        "ground/ground.sqlite",
+        "ground/ground.sqlite-wal",
+        "vehicle 2/boot",
+        "vehicle 2/outbox.sqlite",
+        "vehicle 2/outbox.sqlite-wal",
+        "vehicle-1/flight/flight-000001.mcap",
+        "vehicle-1/flight/flight-000002.mcap",
+    ];
+    write_all(&state, &kept);
+    write_all(
+        &state,
+        &[
+            "ground/memory",
+            "vehicle 2/memory",
+            "vehicle-1/boot",
+            "vehicle-1/memory",
+            "vehicle-1/reserve",
+            "vehicle-3/boot",
+            "vehicle-3/memory",
+        ],
+    );
+    write_all(&etc, &["vehicle.toml"]);
+    let said = purge(&state, &etc);
+    assert_eq!(files_below(&state), kept);
+    assert!(!state.join("vehicle-3").exists(), "nothing is left in it");
+    assert!(etc.join("vehicle.toml").exists());
+    let kept = |path: &str| format!("tomoswarm: kept {}/{path}", state.display());
+    let undelivered = ": samples that were not delivered may be in it";
+    assert_eq!(
+        said,
+        [
+            kept("vehicle 2/outbox.sqlite") + undelivered,
+            kept("ground/ground.sqlite"),
+            kept("ground/flight"),
+            kept("vehicle-1/flight"),
+            format!("tomoswarm: kept {}", etc.display()),
+        ]
+    );
+    let files = files_below(&state);
+    assert_eq!(purge(&state, &etc), said, "a second time the same");
+    assert_eq!(files_below(&state), files);
+}
+
+#[test]
+fn a_purge_names_nothing_where_all_was_delivered_or_no_node_ever_ran() {
+    let folder = tempfile::tempdir().unwrap();
+    let (state, etc) = (folder.path().join("state"), folder.path().join("etc"));
+    assert_eq!(purge(&state, &etc), [""; 0]);
+    write_all(&state, &["vehicle-1/boot", "vehicle-1/memory"]);
+    fs::create_dir_all(state.join("vehicle-1/flight")).unwrap();
+    assert_eq!(purge(&state, &etc), [""; 0]);
+    assert!(!state.exists(), "nothing is left");
 }
 
 #[test]

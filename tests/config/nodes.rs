@@ -104,7 +104,7 @@ fn a_vehicles_file_gives_every_value_a_default() {
     );
     assert_eq!((file.home.x_m, file.home.y_m), (20.85, -0.85));
     assert_eq!(file.world.connect.to_string(), "127.0.0.1:7500");
-    assert_eq!(file.record.limit_bytes(), Some(4_000_000_000));
+    assert_eq!(file.record.limit_bytes(), Some(10_000_000_000));
     assert_eq!(file.pose.expected_sd_m, 0.05);
     let safety = Safety {
         padding_m: 0.1,

@@ -127,4 +127,8 @@ world.token = \"0123456789abcdef\"
     );
     let power = vehicle("radio.power_dbm = 8\n");
     assert!(problems_of("configs/v.toml", &power, "").starts_with("accepted"));
+    let unknown = vehicle("radio.xbee.baud = 12345\n");
+    let said = problems_of("configs/v.toml", &unknown, "");
+    let wrong = "configs/v.toml:10: radio.xbee.baud = 12345: is none that a module has";
+    assert!(said.starts_with(wrong), "{said}");
 }

@@ -154,6 +154,20 @@ fn rows_of_the_values_run_from_south_to_north() {
 }
 
 #[test]
+fn files_whose_heads_say_another_area_are_pooled_with_a_warning() {
+    let of = |area: &str| format!("# kind = \"links\"\n# area_m = {area}\n{}", sweep(None));
+    let (own, other) = (of("[0.0, 0.0, 10.0, 10.0]"), of("[0.0, 0.0, 5.0, 10.0]"));
+    let folder = folder_with(&[("a.csv", &own), ("b.csv", &own), ("c.csv", &other)]);
+    for (file, is_warned) in [("b.csv", false), ("c.csv", true)] {
+        let output = tomoswarm(folder.path(), &["a.csv", file, "--solver", "map"]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let warning = format!("warning: {file}: its head says another area or [imaging]");
+        assert_eq!(said.contains(&warning), is_warned, "{said}");
+    }
+}
+
+#[test]
 fn several_files_are_pooled_and_packets_may_be_missing() {
     let now = sweep(Some((6.0, 4.0)));
     let lines: Vec<&str> = now.lines().skip(1).collect();

@@ -341,6 +341,41 @@ fn a_recording_is_shown_at_any_moment_and_speed_and_takes_no_orders() {
     );
     shot(&mut browser, "replay");
     assert_eq!(browser.complaints, Vec::<String>::new());
+    an_earlier_image_is_made_of_fewer_links(&mut browser);
+}
+
+/// Who looks back at the image of the change after the first lap is told of the links that it was made of.
+fn an_earlier_image_is_made_of_fewer_links(browser: &mut Browser) {
+    let marks =
+        "tomoswarm.model.markers.filter((mark) => mark.kind === 'image').map((mark) => mark.at_s)";
+    let marks: Vec<f64> = serde_json::from_value(browser.eval(marks)).unwrap();
+    let mut links = Vec::new();
+    for at_s in marks.iter().rev() {
+        go_to(browser, at_s + 0.2);
+        browser.until("!tomoswarm.model.isFilling", 10);
+        let laps = browser.eval("tomoswarm.model.images.get(1)?.laps ?? null");
+        let Some(laps) = laps.as_u64() else {
+            break;
+        };
+        browser.eval("document.getElementById('why-clear').click()");
+        browser.eval(
+            "for (const axis of ['x', 'y']) document.getElementById(`why-${axis}`).value = '3'",
+        );
+        browser.eval("document.getElementById('why-ask').click()");
+        let result = "document.getElementById('why-result').textContent";
+        browser.until(&format!("{result}.includes('is the sum of')"), 20);
+        let said = browser.eval(result).as_str().unwrap().to_owned();
+        assert!(!said.contains("has not heard all"), "{said}");
+        let (_, after) = said.split_once("is the sum of ").unwrap();
+        let count: usize = after.split(' ').next().unwrap().parse().unwrap();
+        links.push((laps, count));
+    }
+    println!("laps and links of the images of the change, from the last one on: {links:?}");
+    let [(2, all), .., (1, first)] = links[..] else {
+        panic!("{links:?}");
+    };
+    assert!(first > 50 && first < all, "{links:?}");
+    assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
 #[test]

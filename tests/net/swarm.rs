@@ -13,6 +13,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use tomoswarm::geom::Point;
 use tomoswarm::operator::fleet_view::FleetView;
 use tomoswarm::run::bus::{BusSession, HeardMessage};
 use tomoswarm::run::clock::Clock;
@@ -736,6 +737,12 @@ impl Swarm {
             .output()
             .unwrap();
         String::from_utf8_lossy(&run.stdout).into_owned()
+    }
+
+    /// Returns where the persons truly stand.
+    pub fn persons(&self) -> Vec<Point> {
+        let mut world = WorldControl::connect(self.world, TOKEN).unwrap();
+        world.report().unwrap().persons
     }
 
     /// Waits until the sweep has ended.

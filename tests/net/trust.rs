@@ -384,7 +384,7 @@ fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
     assert_eq!(rover.bus.connect[0].to_string(), "tls/ground.local:7447");
     assert_eq!(
         (ground.record.limit_mb, rover.record.limit_mb),
-        (4000, 4000),
+        (10_000, 10_000),
         "a day in the field"
     );
     let Ok(Config::Operator(operator)) = read(&swarm.join("operator-1/operator.toml")) else {

@@ -162,12 +162,15 @@ impl PageServer {
         places_of(&self.venue, text).map_err(GateRefusal::Unreadable)
     }
 
-    /// Returns what is needed to say which links made a pixel of the newest image, for whoever may look.
+    /// Returns what is needed to say which links made a pixel of an image, for whoever may look: of the newest one, or of that
+    /// which a page sees that looks back.
     ///
     /// # Errors
-    /// The token is none of this server's; the question cannot be read; there is no such image.
+    /// The token is none of this server's; the question cannot be read; there is no such image; it is not known any more what
+    /// had been heard when an earlier one came.
     pub fn why(
         &self,
+        now: Time,
         authorization: Option<&str>,
         question: &[u8],
     ) -> Result<WhyTask, GateRefusal> {
@@ -180,9 +183,18 @@ impl PageServer {
             1 => (ImageSubject::Change, true),
             _ => return Err(unreadable("subject: 0 or 1 is expected".to_owned())),
         };
-        let newest = self.board.image(subject);
-        let image = newest.and_then(|newest| newest.parts.values().next());
+        let (_, board) = self.shown_to(now, asked.page);
+        let shown = board.image(subject);
+        let image = shown.and_then(|shown| shown.parts.values().next());
         let image = image.ok_or_else(|| unreadable("there is no such image yet".to_owned()))?;
+        let edition = (image.run, image.sequence);
+        let newest = self.board.image(subject).map(|newest| newest.edition);
+        let earlier = (newest != Some(edition)).then(|| {
+            let heard = self.links.before_image(edition).cloned();
+            heard.ok_or_else(|| {
+                unreadable("what this image was made of is not known any more".to_owned())
+            })
+        });
         let usual = settings_of(image, is_change);
         let known = self.imaging.map(|of| of[usize::from(is_change)]);
         let settings = known.map_or(usual, |known| ImagingSettings {
@@ -192,21 +204,13 @@ impl PageServer {
         Ok(WhyTask {
             run: image.run,
             is_change,
-            empty_run: is_change.then(|| self.compared_with(image.run)).flatten(),
+            empty_run: is_change.then(|| compared_with(board, image.run)).flatten(),
             links: self.links.heard().clone(),
+            earlier: earlier.transpose()?,
+            made_of: image.links_used,
             settings,
             at: Point::new(asked.at[0], asked.at[1]),
         })
-    }
-
-    /// Returns the run that a run is compared with, as the ground station says.
-    fn compared_with(&self, run: RunId) -> Option<RunId> {
-        let mut reports = self
-            .board
-            .view()
-            .grounds()
-            .flat_map(|report| &report.value.runs);
-        reports.find(|report| report.run == run)?.compared_with
     }
 
     /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look, at the moment that a
@@ -239,4 +243,11 @@ impl PageServer {
         let nodes = inspect(view, &needs, now);
         Ok(json!({ "isGo": is_go(&nodes), "nodes": nodes }).to_string())
     }
+}
+
+/// Returns the run that a run is compared with, as the ground station says.
+fn compared_with(board: &Board, run: RunId) -> Option<RunId> {
+    let grounds = board.view().grounds();
+    let mut reports = grounds.flat_map(|report| &report.value.runs);
+    reports.find(|report| report.run == run)?.compared_with
 }

@@ -12,9 +12,9 @@ use crate::operator::given_marks::{MarkOutcome, MarkRequest};
 use crate::operator::outcome::OrderOutcome;
 use crate::operator::tests_support::{at, heard, report, state};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, Heading, Interest, LayerId, Look, LookReading, Mark,
-    NodeSettings, OpenStops, OperatorId, Position, RunId, Sender, TileAddress, TileReport,
-    VehicleId,
+    Boot, EmergencyName, EmergencyStop, Heading, Image, ImageSubject, Interest, LayerId, Look,
+    LookReading, Mark, NodeSettings, OpenStops, OperatorId, PoseReport, Position, Rectangle, RunId,
+    Sample, Samples, Sender, TileAddress, TileReport, VehicleId,
 };
 
 const LOOK: &str = "00112233445566778899aabbccddeeff";
@@ -1093,4 +1093,94 @@ fn settings_of_a_node_are_those_that_it_said_last() {
             .is_err()
     );
     assert!(server.settings(look, Some(Sender::Ground)).is_err());
+}
+
+/// Samples of a run in which vehicle 2 hears vehicle 1 across the area, along x at each of some y, ten times; the fifth is dark.
+fn across(run: u32, rows: std::ops::Range<u64>) -> HeardMessage {
+    let pose = |x_m, y_m| PoseReport {
+        at: Position::from_metres(x_m, y_m, 0.0),
+        ..PoseReport::default()
+    };
+    let sample = |sequence| {
+        let y_m = 0.5 + (sequence / 10) as f64;
+        Sample {
+            sequence,
+            heard_at_ns: sequence,
+            transmitter: VehicleId(1),
+            transmitter_pose: pose(0.0, y_m),
+            receiver_pose: pose(20.0, y_m),
+            channel: 11,
+            power_dbm: 0,
+            rssi_dbm: Some(if sequence / 10 == 4 { -70 } else { -60 }),
+        }
+    };
+    heard(Message::Samples(Samples {
+        vehicle: VehicleId(2),
+        boot: Boot(1),
+        run: RunId(run),
+        samples: (rows.start * 10..rows.end * 10).map(sample).collect(),
+        lost: Vec::new(),
+    }))
+}
+
+/// An image of what stands there.
+fn structure(run: u32, sequence: u32, links_used: u32) -> HeardMessage {
+    heard(Message::Image(Image {
+        run: RunId(run),
+        sequence,
+        laps: 1,
+        subject: ImageSubject::Structure,
+        area: Rectangle {
+            least: Position::default(),
+            greatest: Position::from_metres(20.0, 20.0, 0.0),
+        },
+        columns: 10,
+        rows: 10,
+        part: 0,
+        parts: 1,
+        mean: vec![1; 100],
+        mean_step_udb_per_m: 1,
+        deviation: None,
+        deviation_step_udb_per_m: 1,
+        links_used,
+        links_dropped: 0,
+        finds: Vec::new(),
+    }))
+}
+
+/// What is answered to a question about the pixel at (5, 5) m: of how many links it is, and of how many the image.
+fn why(server: &PageServer, now_s: f64, page: Option<PageId>) -> Result<[u64; 2], String> {
+    let question = json!({ "subject": 0, "at": [5.0, 5.0], "page": page });
+    let token = format!("Bearer {LOOK}");
+    let task = server.why(at(now_s), Some(&token), question.to_string().as_bytes());
+    let answer = task.map_err(|error| error.to_string())?.answer(None)?;
+    let said: Value = serde_json::from_str(&answer).unwrap();
+    Ok(["links", "madeOf"].map(|key| said[key].as_u64().unwrap()))
+}
+
+#[test]
+fn who_looks_back_is_told_of_the_links_that_an_earlier_image_was_made_of() {
+    let mut server = server();
+    server.hear(at(1.0), &across(1, 0..12));
+    server.hear(at(2.0), &structure(1, 1, 12));
+    // Some samples come a second time.
+    server.hear(at(3.0), &across(1, 10..18));
+    server.hear(at(4.0), &structure(1, 2, 18));
+    server.hear(at(5.0), &across(1, 18..20));
+    let one = page(&mut server, 6.0, LOOK);
+    // Links along a side are dropped.
+    assert_eq!(why(&server, 6.0, None), Ok([18, 18]), "all that was heard");
+    assert_eq!(why(&server, 6.0, Some(one)), Ok([18, 18]));
+
+    show(&mut server, one, 6.0, r#"{"past":{"at_s":2.5,"speed":0}}"#);
+    drawn(&mut server, one, 6.0);
+    assert_eq!(why(&server, 6.0, Some(one)), Ok([11, 12]), "it looks back");
+    assert_eq!(why(&server, 6.0, None), Ok([18, 18]), "others do not");
+    show(&mut server, one, 6.0, r#"{"past":{"at_s":4.5,"speed":0}}"#);
+    drawn(&mut server, one, 6.0);
+    assert_eq!(why(&server, 6.0, Some(one)), Ok([18, 18]), "the newest");
+    show(&mut server, one, 6.0, r#"{"past":{"at_s":1.5,"speed":0}}"#);
+    drawn(&mut server, one, 6.0);
+    let refused = why(&server, 6.0, Some(one)).unwrap_err();
+    assert!(refused.contains("there is no such image yet"), "{refused}");
 }

@@ -88,6 +88,9 @@ told! {
         pub value_dbpm: f64,
         /// How many links made it.
         pub links: usize,
+        /// How many links the image itself was made of: more when this program has not heard all.
+        #[serde(rename = "madeOf")]
+        pub made_of: u32,
         /// How far the nearest of them passes, metres.
         pub nearest_m: Option<f64>,
         /// How far links are from what the image says, root of the mean square, dB.

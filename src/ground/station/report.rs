@@ -1,6 +1,8 @@
 //! What the station says of itself once a second, for operators and other grounds. It reads what the parts say of
 //! themselves, and changes nothing.
 
+use std::time::Duration;
+
 use tomoswarm_proto::{Boot, GroundReport, Lease, RunId, StationPhase, VehicleId, fitted_troubles};
 
 use super::execution::{ExecutionPhase, SweepExecution, SweepRun};
@@ -10,13 +12,17 @@ use super::order_in_force::OrderInForce;
 use super::run_registry::RunRegistry;
 use crate::ground::fleet::Fleet;
 use crate::ground::samples::SampleStore;
+use crate::time::Time;
 
 /// Vehicles named in one trouble at most.
 const NAMED: usize = 12;
+/// Vehicles take a plan within this time; who does not is worth a trouble.
+const TAKEN_WITHIN: Duration = Duration::from_secs(3);
 
 /// The parts of which something is reported, as they are now.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartsToReport<'a> {
+    pub now: Time,
     pub boot: Boot,
     pub leases: &'a Leases,
     pub fleet: &'a Fleet,
@@ -98,8 +104,10 @@ impl PartsToReport<'_> {
     fn troubles(self) -> Troubles {
         let phase = self.execution.phase();
         let is_waiting = self.runs.requested().is_some() || phase.sweep().is_some();
-        let is_under_way = match phase {
-            ExecutionPhase::Stopping { .. } | ExecutionPhase::Running { .. } => true,
+        let is_overdue = match phase {
+            ExecutionPhase::Stopping { since, .. } | ExecutionPhase::Running { since, .. } => {
+                self.now.since(*since) > TAKEN_WITHIN
+            }
             ExecutionPhase::Idle { .. }
             | ExecutionPhase::Planning { .. }
             | ExecutionPhase::Closing { .. } => false,
@@ -116,7 +124,7 @@ impl PartsToReport<'_> {
                 .collect(),
             waits_for_more: matches!(phase, ExecutionPhase::Stopping { .. })
                 && is_too_few(self.fleet),
-            without_plan: missing.filter(|_| is_under_way).collect(),
+            without_plan: missing.filter(|_| is_overdue).collect(),
             strangers: self.strangers,
             refused: self.samples.refused(),
             of_run: self.runs.runs().trouble(),

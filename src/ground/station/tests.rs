@@ -414,7 +414,12 @@ fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
 #[test]
 fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
     let mut station = station();
-    let said = |station: &Station| station.parts_to_report().report().troubles;
+    let said = |station: &Station| {
+        station
+            .parts_to_report(Time::from_secs_f64(3.0))
+            .report()
+            .troubles
+    };
     let own = said(&station);
     let of_process = |words: &[&str]| In::Troubles(words.iter().map(ToString::to_string).collect());
     fed(&mut station, 1.0, of_process(&["store: no room"]));
@@ -424,7 +429,7 @@ fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
     );
     let long = "ä".repeat(300);
     fed(&mut station, 2.0, of_process(&[long.as_str(); 99]));
-    let report = station.parts_to_report().report();
+    let report = station.parts_to_report(Time::from_secs_f64(3.0)).report();
     assert!(report.troubles.last().unwrap().ends_with('…'));
     tomoswarm_proto::codec::encode(&Message::Report(report)).unwrap();
     fed(&mut station, 3.0, of_process(&[]));

@@ -316,6 +316,27 @@ fn a_beacon_that_did_not_go_on_the_air_gives_its_number_back() {
 }
 
 #[test]
+fn a_status_of_a_frame_that_was_not_sent_says_nothing_of_the_beacon_in_flight() {
+    let mut rig = Rig::ready();
+    rig.send(1, 1);
+    let (id, _) = rig.sent[0];
+    for (other, status) in [(0, 0), (id + 1, 0), (id + 7, 2), (255, 0x74)] {
+        rig.say(2, &Frame::TransmitStatus { id: other, status });
+    }
+    assert_eq!(rig.modem.health(), RadioHealth::default());
+    assert!(rig.unsent.is_empty() && rig.troubles(2).is_empty());
+    rig.send(3, 2);
+    assert_eq!(rig.numbers(), [1], "the second one waits for the first");
+    rig.status(4, 0);
+    assert_eq!(rig.numbers(), [1, 2]);
+    let expected = RadioHealth {
+        sent: 1,
+        ..RadioHealth::default()
+    };
+    assert_eq!(rig.modem.health(), expected);
+}
+
+#[test]
 fn of_beacons_that_come_while_one_is_in_flight_the_newest_is_sent_without_a_gap() {
     let mut rig = Rig::ready();
     for number in 1..=3 {

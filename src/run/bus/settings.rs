@@ -74,6 +74,27 @@ pub struct BusTraffic {
     pub dropped: u64,
 }
 
+/// Returns what zenoh says of an error without where in its sources it says so (` at PATH.rs:LINE.`).
+pub(super) fn without_places(text: &str) -> String {
+    let mut said = String::new();
+    let mut words = text.split(' ').peekable();
+    while let Some(word) = words.next() {
+        let place = words.next_if(|next| word == "at" && next.contains(".rs:"));
+        let behind = place.and_then(|place| place.rsplit_once(".rs:"));
+        match behind {
+            Some((_, behind)) => {
+                let behind = behind.trim_start_matches(|c: char| c.is_ascii_digit());
+                said += behind.strip_prefix('.').unwrap_or(behind);
+            }
+            None => {
+                said += if said.is_empty() { "" } else { " " };
+                said += word;
+            }
+        }
+    }
+    said
+}
+
 /// Why a node cannot take part in the bus.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
@@ -94,4 +115,19 @@ pub enum BusError {
     /// The machine has no thread to give.
     #[error("the bus has no thread: {0}")]
     Thread(#[from] std::io::Error),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_zenoh_do_not_name_places_in_its_sources() {
+        let said = "Can not create a listener: [127.0.0.1:7447: Address in use (os error 98) at /a/src/tcp.rs:61.] at /a/b.rs:9.";
+        let expected = "Can not create a listener: [127.0.0.1:7447: Address in use (os error 98)]";
+        assert_eq!(without_places(said), expected);
+        for other in ["", "at noon", "a file.rs:7 is named at last"] {
+            assert_eq!(without_places(other), other);
+        }
+    }
 }

@@ -200,8 +200,12 @@ impl Pages {
                 authorization,
                 question,
                 reply,
-            } => match self.server.why(Some(&authorization), &question) {
-                Ok(task) => self.pixels.give(PIXEL_BUSY, move || task.answer(), reply),
+            } => match self.server.why(now, Some(&authorization), &question) {
+                Ok(task) => {
+                    let store = self.store.clone();
+                    let work = move || task.answer(store.as_ref().map(|store| &**store as _));
+                    self.pixels.give(PIXEL_BUSY, work, reply);
+                }
                 Err(refusal) => send(reply, Err(refusal)),
             },
             Request::Export {
@@ -274,7 +278,6 @@ impl Pages {
     /// Takes the store of a ground station, whose runs can be saved from then on.
     pub(super) fn set_store(&mut self, store: SharedRunFiles) {
         self.store = Some(store);
-        self.server.keep_no_samples();
     }
 
     /// Answers with a file of a run, or without a name with which files there are.

@@ -4,7 +4,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use tomoswarm_proto::{RunId, VehicleId};
+use tomoswarm_proto::{OperatorId, RunId, VehicleId};
 
 use crate::config::{
     self, BusFile, Config, Drivers, Endpoint, GroundFile, MissionTable, OperatorFile, PoseFile,
@@ -15,6 +15,8 @@ use crate::run::membership::FIRST_OPERATOR;
 
 /// What recordings of one node may take, megabytes.
 const RECORD_MB: usize = 64;
+/// The number of the operator that plays a scenario; the file for commands and the page has the first.
+pub const SCENARIO_OPERATOR: OperatorId = OperatorId(2);
 /// The longest silence after which a neighbour is taken for gone, and the shortest that may be said, seconds.
 const LEASE_S: (f64, f64) = (3.0, 1.0);
 

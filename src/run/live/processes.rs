@@ -10,6 +10,7 @@
 //!   runs ─dies─► waits ─1, 2, 4 s─► runs      ─dies too often, exit code 0 or 2, the world─► dead
 //! ```
 
+use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader};
 use std::net::{SocketAddr, TcpStream};
@@ -96,6 +97,24 @@ pub struct Dead {
     pub how: String,
     /// The last lines of its log.
     pub last_words: String,
+    /// It may not be started again, since that was done too often.
+    pub too_often: bool,
+}
+
+impl Dead {
+    /// Returns in words which limit keeps it from being started again; empty = none does.
+    pub fn limit(&self) -> &'static str {
+        match self.too_often {
+            true => " for the fourth time within a minute, and is not started again",
+            false => "",
+        }
+    }
+}
+
+impl fmt::Display for Dead {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} has ended{}: {}", self.name, self.limit(), self.how)
+    }
 }
 
 /// How a process was ended.
@@ -246,7 +265,7 @@ impl Process {
         match self.stage {
             Stage::Runs => {
                 let status = self.look()?;
-                let dead = self.dead(status.to_string());
+                let mut dead = self.dead(status.to_string());
                 let is_final =
                     self.rank == Rank::World || status.success() || status.code() == Some(REFUSED);
                 let again_after = if is_final {
@@ -254,6 +273,7 @@ impl Process {
                 } else {
                     self.restarts.failed(now)
                 };
+                dead.too_often = !is_final && again_after.is_none();
                 self.stage = again_after.map_or(Stage::Dead, |wait| Stage::Waits(now + wait));
                 Some(
                     again_after.map_or(ProcessEvent::Dead(dead.clone()), |again_after| {
@@ -283,6 +303,7 @@ impl Process {
             name: self.name.clone(),
             how,
             last_words: last_lines(&self.log),
+            too_often: false,
         }
     }
 

@@ -75,7 +75,7 @@ impl Candidate {
         match self {
             Candidate::Points => "points".to_owned(),
             Candidate::NonNegative => "nn".to_owned(),
-            Candidate::Variation(of) => format!("tv {}", of.weight),
+            Candidate::Variation(of) => format!("tv {}", (of.weight * 1e3).round() / 1e3),
         }
     }
 }

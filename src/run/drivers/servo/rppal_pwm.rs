@@ -9,6 +9,7 @@ use rppal::pwm::{Channel, Polarity, Pwm};
 use rppal::system::{DeviceInfo, SoC};
 
 use super::sysfs_pwm::Chip;
+use crate::hw::pin_name::pin_number;
 use crate::hw::pulse::PERIOD;
 
 /// Where the kernel has its PWM chips.
@@ -80,10 +81,7 @@ impl RppalPwm {
 /// Finds a pin and the hardware that it is given to; the pin stays as it is.
 fn find(name: &str) -> Result<(Pin, Option<Channel>), String> {
     let machine = DeviceInfo::new().map_err(|_| "this machine is no Raspberry Pi".to_owned())?;
-    let number: Option<u8> = name
-        .strip_prefix("GPIO")
-        .and_then(|number| number.parse().ok());
-    let number = number.ok_or("no GPIO line has this name; GPIO0 to GPIO27 is needed")?;
+    let number = pin_number(name).map_err(|error| error.to_string())?;
     let gpio = Gpio::new().map_err(|error| {
         format!(
             "{error}; driver = \"pwm\" with its [servo.pwm] needs neither registers nor this chip"

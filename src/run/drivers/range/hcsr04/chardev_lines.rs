@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use gpiocdev::line::{Bias, EdgeDetection, EdgeKind, Offset, Value};
+use gpiocdev::line::{Bias, EdgeDetection, EdgeKind, Info, Offset, Value};
 use gpiocdev::request::Builder;
 use gpiocdev::{FoundLine, Request};
 
@@ -76,11 +76,16 @@ fn the_only<'l>(name: &str, all: &'l [FoundLine]) -> Result<&'l FoundLine, Strin
 }
 
 fn in_words(line: &FoundLine, error: &gpiocdev::Error) -> String {
-    let name = &line.info.name;
-    match (line.info.used, line.info.consumer.as_str()) {
-        (true, "") => format!("{name}: another program uses it"),
-        (true, consumer) => format!("{name}: {consumer} uses it"),
-        (false, _) => format!("{name}: {error}"),
+    let why = user_of(&line.info).unwrap_or_else(|| error.to_string());
+    format!("{}: {why}", line.info.name)
+}
+
+/// Returns who uses a line, in words; `None` when nobody does.
+pub(super) fn user_of(info: &Info) -> Option<String> {
+    match (info.used, info.consumer.as_str()) {
+        (true, "") => Some("another program uses it".to_owned()),
+        (true, consumer) => Some(format!("{consumer} uses it")),
+        (false, _) => None,
     }
 }
 
@@ -171,7 +176,6 @@ impl ChardevLines {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gpiocdev::line::Info;
 
     fn line(chip: &str, offset: Offset, name: &str) -> FoundLine {
         FoundLine {
