@@ -45,7 +45,7 @@ pub struct EnrollArgs {
     )]
     pub node: Option<EnrolledNode>,
     /// Number of the vehicle, 1 to 250, or of the operator [default: 1]
-    #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
+    #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
     pub number: Option<u8>,
     /// The ground station, and the hosts under which others reach it
     #[arg(long, value_name = "H[,H]", value_parser = hosts_in, conflicts_with_all = ["ground_host", "revoke"])]

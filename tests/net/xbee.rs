@@ -229,8 +229,8 @@ fn a_module_that_is_pulled_out_is_missed_soon_costs_nothing_and_sends_soon_when_
         ));
         let most_s = if turn == 0 { 3 } else { 2 };
         assert!(sends < Duration::from_secs(most_s), "{sends:?}");
-        // Devices are looked after every second, and a new trouble is said at once; half a second is left to a busy machine.
-        assert!(said < Duration::from_millis(1500), "{said:?}");
+        // Devices are looked after every second, and a new trouble is said at once; a second is left to a busy machine.
+        assert!(said < Duration::from_secs(2), "{said:?}");
     }
     swarm.end_in_order();
 }

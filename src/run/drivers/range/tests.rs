@@ -236,7 +236,7 @@ fn a_sensor_is_pulled_out_and_plugged_in_again() {
     for round in 1..=3 {
         drop(sensor);
         let gone = driver.until_trouble(|trouble| trouble.is_some());
-        assert!(gone < Duration::from_millis(1500), "{gone:?}");
+        assert!(gone < Duration::from_secs(2), "{gone:?}");
         let trouble = driver.range.trouble().unwrap();
         let opened = if round == 1 {
             "once".to_owned()
