@@ -62,15 +62,21 @@ impl WhyTask {
     /// Returns the answer as text (JSON); `store` is that of a ground station, if there is one.
     ///
     /// # Errors
-    /// No samples were heard of a run, or not all that an earlier image was made of are kept; the store cannot be read; or
+    /// No samples were heard of a run, nor are there any in the store; not all that an earlier image was made of are kept; or
     /// there is no answer ([`WhyJob::answer`]); in words.
     pub fn answer(self, store: Option<&dyn RunFiles>) -> Result<String, String> {
         let runs = std::iter::once(self.run).chain(self.empty_run);
         let links = match (&self.earlier, store) {
             (Some(heard), _) => self.links.when(heard, runs)?,
             (None, Some(store)) => {
+                let is_heard = runs.clone().all(|run| self.links.has(run));
                 let stored = runs.map(|run| Ok((run, store.links(run)?)));
-                HeardLinks::of_runs(stored.collect::<Result<Vec<_>, String>>()?)
+                match stored.collect::<Result<Vec<_>, String>>() {
+                    Ok(stored) => HeardLinks::of_runs(stored),
+                    // One that is not there, or cannot be read, takes nothing from what was heard.
+                    Err(_) if is_heard => self.links,
+                    Err(reason) => return Err(reason),
+                }
             }
             (None, None) => self.links,
         };
@@ -353,20 +359,25 @@ mod tests {
             bins.record_link(None, link);
         }
         let store = Stored(bins);
-        let task = |empty_run| WhyTask {
-            run: RunId(2),
+        let task = |run, empty_run, links| WhyTask {
+            run: RunId(run),
             is_change: false,
             empty_run,
-            links: HeardLinks::default(),
+            links,
             earlier: None,
             made_of: 20,
             settings: job.settings,
             at: job.at,
         };
-        let said = task(None).answer(Some(&store)).unwrap();
+        let unheard = HeardLinks::default();
+        let said = task(2, None, unheard.clone()).answer(Some(&store)).unwrap();
         assert!(said.contains("\"links\":20"), "{said}");
-        let refused = task(Some(RunId(1))).answer(Some(&store)).unwrap_err();
-        assert_eq!(refused, "there is no run 1");
+        let refused = task(2, Some(RunId(1)), unheard).answer(Some(&store));
+        assert_eq!(refused.unwrap_err(), "there is no run 1");
+        // What was heard counts where the store does not have it.
+        let heard = HeardLinks::of_runs([(RunId(5), store.0.clone())]);
+        let said = task(5, None, heard).answer(Some(&store)).unwrap();
+        assert!(said.contains("\"links\":20"), "{said}");
     }
 
     #[test]
