@@ -115,31 +115,54 @@ fn across(k: usize) -> (Point, Point) {
     (at(k, 0.618_034), at(k + 1 + k / 4 % 3, 0.414_214))
 }
 
-/// Prints how many drafts a second there are while eight vehicles sweep: `map`, 40 x 40 pixels, warm.
+/// Prints how many drafts a second there are while eight vehicles sweep: `map`, 40 x 40 pixels, warm; of fixed ends, and of driven
+/// ones, which the empty sweep has to be kriged for. From one draft to the next a tenth of the links have heard something, or
+/// 100, which is what eight vehicles hear in more than a second.
 fn draft() {
+    for every in [Some(10), None] {
+        draft_of("fixed", every, |_, _| 0.0);
+        draft_of("driven", every, |k, sweep| {
+            0.3 * ((k + 31 * sweep) as f64 * 0.569_840).fract()
+        });
+    }
+}
+
+/// `moved_m`: by how much the ends of a link lie elsewhere in a sweep.
+fn draft_of(ends: &str, every: Option<usize>, moved_m: impl Fn(usize, usize) -> f64) {
     let settings =
         ImagingSettings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
     let person = Point::new(7.0, 8.0);
-    let link = |k: usize, noise: usize, loss_db: f64| {
+    // In sweep 0 nobody stands there; in the others a link has heard something since the one before when it has moved.
+    let link = |k: usize, sweep: usize, noise: usize, loss_db: f64| {
         let (from, to) = across(k);
+        let moved_m = moved_m(k, sweep);
+        let slid = |at: Point| match at.y_m {
+            0.0 | SIDE_M => Point::new((at.x_m + moved_m).min(SIDE_M), at.y_m),
+            _ => Point::new(at.x_m, (at.y_m + moved_m).min(SIDE_M)),
+        };
+        let (from, to) = (slid(from), slid(to));
         let way = Segment::new(from, to);
         let free_dbm = -40.0 - 20.0 * way.length_m().max(0.5).log10();
         let noise_db = ((noise as f64 * 0.754_877).fract() - 0.5) * 5.0;
         let lost_db = loss_db * f64::from(way.distance_to_point(person) < 0.4);
-        Link::fixed(from, to, 8, free_dbm + noise_db - lost_db)
+        Link {
+            spots: if moved_m > 0.0 { 4 } else { 1 },
+            ..Link::fixed(from, to, 8, free_dbm + noise_db - lost_db)
+        }
     };
     for links in [3_000, 7_000, 14_000] {
-        let of = |noise: usize, loss_db: f64| -> Vec<Link> {
-            (0..links).map(|k| link(k, k + noise, loss_db)).collect()
-        };
-        let (empty, Ok(mut imager)) = (of(1, 0.0), Imager::new(settings)) else {
+        let empty: Vec<Link> = (0..links).map(|k| link(k, 0, k + 1, 0.0)).collect();
+        let Ok(mut imager) = Imager::new(settings) else {
             return;
         };
+        let every = every.unwrap_or(links / 100);
         let mut ms = Vec::new();
         for image in 0..8 {
-            // A tenth of the links have heard something since.
             let now: Vec<Link> = (0..links)
-                .map(|k| link(k, k + 2 + usize::from(k % 10 < image), 6.0))
+                .map(|k| {
+                    let heard = usize::from(k % every < image);
+                    link(k, 1 + heard, k + 2 + heard, 6.0)
+                })
                 .collect();
             let (made, took) = timed(|| imager.update(&now, Some(&empty), Extras::default()));
             if made.is_ok() {
@@ -148,7 +171,7 @@ fn draft() {
         }
         let cold = ms.remove(0);
         println!(
-            "draft by map, 40 x 40 pixels, {links} links: cold {cold:.0} ms, warm {:.0} ms, {:.1} images a second",
+            "draft by map, 40 x 40 pixels, {links} links, ends {ends}, 1 in {every} has heard something: cold {cold:.0} ms, warm {:.0} ms, {:.1} images a second",
             median(ms.clone()),
             1e3 / median(ms)
         );

@@ -1,11 +1,12 @@
 //! Figures of a live swarm on this machine, over loopback: `cargo bench --bench swarm [-- WHAT]`, where WHAT is one of
-//! `emergency`, `partition`, `start`, `star` (`star 600` keeps it for ten minutes); without it all but the long ones.
+//! `emergency`, `partition`, `start`, `unplugged`, `star` (`star 600` keeps it for ten minutes); without it all but the long ones.
 //!
 //! - emergency: an emergency order → heard by each of four vehicles, through a relay of 5 Mbit/s and 20 ms, while every
 //!   vehicle has more tiles to send than fit;
 //! - partition: the last link is restored after 60 s apart → both maps hold everything, through the relay;
 //! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory, processor and wake-ups of an idle vehicle;
 //!   with `TOMOSWARM_OTHER=PROGRAM` every second vehicle runs another program, and both are told: a pair in one mesh;
+//! - unplugged: processor of a vehicle process each of whose devices is not there, against one that looks for none;
 //! - star: fifty vehicle processes around one ground station: heard, memory, processor.
 
 #![allow(
@@ -74,6 +75,9 @@ fn main() {
     }
     if wanted("start") {
         start();
+    }
+    if wanted("unplugged") {
+        unplugged();
     }
     if wanted("star") {
         let seconds = words
@@ -583,14 +587,15 @@ fn start() {
         .map(|id| (*id, start(*id, &mut processes)))
         .collect();
     for (id, began) in began {
-        spans.extend(first_heard(&heard, id, Boot(1), began));
+        spans.extend(first_heard(&heard, id, None, began));
     }
     let at_once = spans.len();
-    for boot in 2..=8 {
+    for _ in 2..=8 {
         for id in files.vehicles.keys() {
             processes.kill(&format!("v{id}"));
+            let former = heard.lock().unwrap().get(id).map(|(boot, _)| *boot);
             let began = start(*id, &mut processes);
-            spans.extend(first_heard(&heard, *id, Boot(boot), began));
+            spans.extend(first_heard(&heard, *id, former, began));
         }
     }
     println!(
@@ -602,13 +607,19 @@ fn start() {
     use_of(&processes, 20);
 }
 
-fn first_heard(heard: &LastHeard, id: u8, boot: Boot, began: Instant) -> Option<Duration> {
+/// Returns how long after its start a vehicle was heard, of a later start than the former one.
+fn first_heard(
+    heard: &LastHeard,
+    id: u8,
+    former: Option<Boot>,
+    began: Instant,
+) -> Option<Duration> {
     let is_heard = || {
         heard
             .lock()
             .unwrap()
             .get(&id)
-            .is_some_and(|(known, _)| *known == boot)
+            .is_some_and(|(known, _)| former.is_none_or(|former| *known > former))
     };
     within(Duration::from_secs(20), is_heard).then(|| began.elapsed())
 }
@@ -634,25 +645,26 @@ fn wakes(process: u32) -> Wakes {
     all
 }
 
+/// Returns how many hundredths of a second a process has computed.
+fn ticks(child: &Child) -> u64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap_or_default();
+    let fields: Vec<&str> = text
+        .rsplit(')')
+        .next()
+        .unwrap_or_default()
+        .split_whitespace()
+        .collect();
+    let field = |index: usize| {
+        fields
+            .get(index)
+            .and_then(|word| word.parse::<u64>().ok())
+            .unwrap_or(0)
+    };
+    field(11) + field(12)
+}
+
 /// Prints memory, processor and wake-ups of the vehicles over some seconds at rest.
 fn use_of(processes: &Processes, seconds: u64) {
-    let ticks = |child: &Child| {
-        let text =
-            std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap_or_default();
-        let fields: Vec<&str> = text
-            .rsplit(')')
-            .next()
-            .unwrap_or_default()
-            .split_whitespace()
-            .collect();
-        let field = |index: usize| {
-            fields
-                .get(index)
-                .and_then(|word| word.parse::<u64>().ok())
-                .unwrap_or(0)
-        };
-        field(11) + field(12)
-    };
     let memory_kb = |child: &Child| {
         let text =
             std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
@@ -734,6 +746,75 @@ fn use_of(processes: &Processes, seconds: u64) {
             share(&name),
             memory_kb(&processes.0[&name]) / 1e3
         );
+    }
+}
+
+/// Vehicles alone with a world: one that has no device of its own, and others of which one device is a port that is not there.
+fn unplugged() {
+    const DEVICES: [(&str, &str, &str); 6] = [
+        ("(all simulated)", "", ""),
+        (
+            "serial range",
+            "range",
+            "driver = \"serial-text\"\nmax_range_m = 5.0\nscan_period_s = 0.25\n[range.serial-text]\nport = \"/dev/not-there\"\n",
+        ),
+        (
+            "HC-SR04",
+            "range",
+            "driver = \"hcsr04\"\nmax_range_m = 4.0\n[range.hcsr04]\ntrigger = \"NOT-THERE-1\"\necho = \"NOT-THERE-2\"\nair_temperature_c = 20\n",
+        ),
+        (
+            "servo",
+            "servo",
+            "driver = \"pwm\"\n[servo.pwm]\nchip = \"/sys/class/pwm/not-there\"\nchannel = 0\npulse_us = [1000.0, 2000.0]\nangle_deg = [-90.0, 90.0]\n",
+        ),
+        (
+            "XBee",
+            "radio",
+            "driver = \"xbee\"\npower_dbm = 0\n[radio.xbee]\nport = \"/dev/not-there\"\n",
+        ),
+        (
+            "autopilot",
+            "autopilot",
+            "driver = \"mavlink\"\n[autopilot.mavlink]\nconnection = \"serial:/dev/not-there\"\n",
+        ),
+    ];
+    let files = files(DEVICES.len() as u8, "mesh");
+    let mut processes = Processes(BTreeMap::new());
+    begin(&files, &mut processes);
+    let folder = files.folder.path();
+    for (id, (_, part, instead)) in (1..).zip(DEVICES) {
+        let path = folder.join(format!("v{id}.toml"));
+        let text = std::fs::read_to_string(&path).unwrap();
+        let simulated = format!("[{part}]\ndriver = \"sim\"\n");
+        let other = format!("[{part}]\n{instead}");
+        assert!(part.is_empty() || text.contains(&simulated), "{text}");
+        std::fs::write(&path, text.replace(&simulated, &other)).unwrap();
+        processes.start(
+            folder,
+            &format!("v{id}"),
+            &["vehicle", &format!("v{id}.toml")],
+        );
+    }
+    std::thread::sleep(Duration::from_secs(10));
+    println!(
+        "\nunplugged, in a mesh of {} vehicles and a ground station:",
+        DEVICES.len()
+    );
+    const SECONDS: u64 = 60;
+    let ticks_of = |processes: &Processes, id: usize| ticks(&processes.0[&format!("v{id}")]);
+    let before: Vec<u64> = (1..=DEVICES.len())
+        .map(|id| ticks_of(&processes, id))
+        .collect();
+    std::thread::sleep(Duration::from_secs(SECONDS));
+    let mut all = processes.0.values_mut();
+    assert!(
+        all.all(|child| child.try_wait().unwrap().is_none()),
+        "one has ended"
+    );
+    for (at, (device, _, _)) in DEVICES.iter().enumerate() {
+        let share = (ticks_of(&processes, at + 1) - before[at]) as f64 / SECONDS as f64;
+        println!("{device:16} {share:.2} % of one core");
     }
 }
 

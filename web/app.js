@@ -42,7 +42,7 @@ new WhyPanel(model, scene, token);
 new CellView(model, scene, view, token);
 const panels = {
   plan: { panel: new PlanPanel(model), of: ["timetable", "progress", "welcome"] },
-  radio: { panel: new RadioPanel(model), of: ["radio", "vehicle", "welcome"] },
+  radio: { panel: new RadioPanel(model, token), of: ["radio", "vehicle", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
   check: { panel: new PreflightPanel(model, token), of: ["states", "vehicle", "ground", "moment", "welcome"] },
   marks: { panel: new MarkPanel(model, scene), of: ["marks", "finds", "welcome"] },

@@ -11,6 +11,8 @@ const UNKNOWN = 0xffff;
 const NO_STRENGTH = -32768;
 /** Strengths of one pair and events that are kept. */
 const HISTORY_MOST = 600;
+/** Strengths of a pair that are not further apart than this may be one. */
+const SAME_MS = 300;
 const EVENTS_MOST = 1000;
 /** Places of a track that are kept, and how far they are apart at least. */
 const TRACK_PLACES = 4000;
@@ -35,8 +37,6 @@ export class Model {
     this.frames = 0;
     this.bytes = 0;
     this.texts = new Map();
-    /** How strongly pairs were heard in the present; it outlives a look at the past, and a connection that begins anew. */
-    this.presentHistory = new Map();
     this.forget();
   }
 
@@ -186,6 +186,21 @@ export class Model {
     this.changed.add("radio");
   }
 
+  /** How strongly two vehicles heard each other before this page was told, as the server knows it; what came since stays. */
+  takePairHistory(/** @type {number[]} */ [one, other], /** @type {told.ToldPairHistory} */ { at_s, there, back }, now_ms) {
+    const at_ms = this.isLive() && this.isPresent() ? now_ms : at_s * 1000;
+    /** @type {[string, told.ToldStrength[]][]} */
+    const ways = [[`${one}-${other}`, there], [`${other}-${one}`, back]];
+    for (const [key, strengths] of ways) {
+      const before = strengths.map(({ age_s, rssi_dbm }) => [at_ms - age_s * 1000, rssi_dbm]);
+      const last_ms = before.at(-1)?.[0] ?? -Infinity;
+      // A strength that came both ways is a little apart from itself.
+      const since = (this.history.get(key) ?? []).filter(([then_ms]) => then_ms > last_ms + SAME_MS);
+      this.history.set(key, [...before, ...since].slice(-HISTORY_MOST));
+    }
+    this.changed.add("radio");
+  }
+
   /** Events come once; a new connection brings all that are kept. Those of no live swarm have the run's time. */
   takeEvents(/** @type {told.ToldEvent[]} */ events) {
     for (const event of events) this.events.push({ ...event, at: new Date(this.date_ms(this.shown_ms - event.age_s * 1000)) });
@@ -200,9 +215,6 @@ export class Model {
   /** A connection begins, perhaps to a server that was started anew. */
   takePlace(/** @type {told.Welcome} */ place) {
     this.forget();
-    const isSame = this.place?.venue === place.venue && this.place?.showing === place.showing;
-    if (!isSame) this.presentHistory = new Map();
-    this.history = this.presentHistory;
     this.place = place;
     this.moment = { ...this.moment, speed: null };
     [this.markers, this.isFilling] = [[], false];
@@ -212,7 +224,6 @@ export class Model {
   takeMoment(/** @type {told.Moment} */ moment) {
     if (moment.isAnew) this.forget();
     this.moment = moment;
-    if (moment.isAnew && this.isPresent()) this.history = this.presentHistory;
     this.isFilling = !moment.isWhole;
   }
 

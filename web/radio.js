@@ -15,10 +15,19 @@ const PLANES = {
   age: { unit: "s since the last sample came", of: (pair, _other, now_ms) => Math.round((now_ms - pair.at_ms) / 1000), bad: (value) => value / 20 },
 };
 
+/** What is not answered within this time is asked for again. */
+const ANSWERED_WITHIN_MS = 5000;
+
 export class RadioPanel {
-  constructor(/** @type {Model} */ model) {
+  constructor(/** @type {Model} */ model, token) {
     this.model = model;
+    this.token = token;
     this.chosen = null;
+    /** Of which pair, and of which board, the server was asked how strongly it was heard before. */
+    this.askedOf = null;
+    this.isAsking = false;
+    this.asksFrom_ms = 0;
+    document.addEventListener("visibilitychange", () => { this.askedOf = null; });
     this.wanted = () => {};
     document.getElementById("radio-plane").addEventListener("change", () => this.wanted());
   }
@@ -35,7 +44,33 @@ export class RadioPanel {
     for (const receiver of ids) {
       for (const transmitter of ids) if (receiver !== transmitter) this.show(receiver, transmitter, plane, now_ms);
     }
+    this.ask();
     this.drawHistory(now_ms);
+  }
+
+  /**
+   * Asks how strongly the chosen pair was heard before: when it is chosen, when another moment is shown, and when the page was
+   * hidden; never while an answer is awaited, and not soon after there was none.
+   */
+  async ask() {
+    const { generation, place } = this.model;
+    const wanted = this.chosen && place ? `${generation}/${this.chosen}` : null;
+    if (!wanted || wanted === this.askedOf || this.isAsking || performance.now() < this.asksFrom_ms) return;
+    const pair = this.chosen;
+    [this.askedOf, this.isAsking] = [wanted, true];
+    try {
+      const headers = { Authorization: `Bearer ${this.token}` };
+      const of = `pair?one=${pair[0]}&other=${pair[1]}&page=${place.page}`;
+      const answer = await fetch(of, { headers, signal: AbortSignal.timeout(ANSWERED_WITHIN_MS) });
+      if (!answer.ok) throw new Error(answer.statusText);
+      const said = await answer.json();
+      if (generation === this.model.generation) this.model.takePairHistory(pair, said, performance.now());
+    } catch {
+      // What the page has heard itself is shown.
+      [this.askedOf, this.asksFrom_ms] = [null, performance.now() + ANSWERED_WITHIN_MS];
+    }
+    this.isAsking = false;
+    this.wanted();
   }
 
   /** Makes the cells anew when there is another vehicle. */
@@ -91,7 +126,7 @@ export class RadioPanel {
     const caption = document.getElementById("pair-caption");
     canvas.hidden = !this.chosen;
     if (!this.chosen) {
-      caption.textContent = "Choose a pair to see how strongly it was heard in the last minutes in which this page looked.";
+      caption.textContent = "Choose a pair to see how strongly it was heard in the last minutes.";
       return;
     }
     const [one, other] = this.chosen;
@@ -121,13 +156,22 @@ export class RadioPanel {
         if (at_ms - before_ms > GAP_MS) pen.moveTo(x, y);
         else pen.lineTo(x, y);
         before_ms = at_ms;
+        // One that stands alone is seen, too.
+        pen.fillRect(x - 1, y - 1, 2, 2);
       }
       pen.stroke();
     });
     const pair = this.model.pairs.get(`${one}-${other}`);
     const distance = pair ? `, ${pair.distance.toFixed(1)} m apart` : "";
-    caption.textContent = `${one} hears ${other}: full line; ${other} hears ${one}: dashed${distance}.`;
+    const [there, back] = series.map(rangeText);
+    caption.textContent = `${one} hears ${other}${there}: full line; ${other} hears ${one}${back}: dashed${distance}.`;
   }
+}
+
+/** Between which strengths a pair was heard, in words; empty when it was not. */
+function rangeText(points) {
+  const all = points.map(([, rssi]) => rssi).filter((rssi) => rssi !== null);
+  return all.length ? ` with ${Math.min(...all)} to ${Math.max(...all)} dBm in ${all.length} seconds` : "";
 }
 
 function cell(tag, text, scope) {

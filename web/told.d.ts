@@ -626,6 +626,25 @@ export type CellWord = {
   mayBeOlder: boolean,
 };
 
+/** How strongly two vehicles heard each other before a moment: the last strength of each second in which one came, as far as
+ * it is kept, oldest first. */
+export type ToldPairHistory = {
+  /** The moment, seconds. */
+  at_s: number,
+  /** How the one heard the other. */
+  there: Array<ToldStrength>,
+  /** How the other heard the one. */
+  back: Array<ToldStrength>,
+};
+
+/** How strongly somebody was heard. */
+export type ToldStrength = {
+  /** How long ago this program heard of it, seconds. */
+  age_s: number,
+  /** The strength. */
+  rssi_dbm: number,
+};
+
 /** Why a pixel has its value: the links that made it. */
 export type Why = {
   /** The run of the image. */

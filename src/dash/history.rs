@@ -18,10 +18,11 @@ mod part;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use tomoswarm_proto::Message;
 use tomoswarm_proto::codec::EncodeError;
+use tomoswarm_proto::{Message, Samples};
 
 pub use self::board_snapshot::BoardSnapshot;
+use self::packed_input::PackedInput;
 pub use self::part::InflatedPart;
 use self::part::Part;
 use super::board::{Board, BoardInput};
@@ -165,6 +166,26 @@ impl History {
             }
         }
         until
+    }
+
+    /// Tells the samples that were told from a moment on and before another, as far as they are kept, oldest first.
+    pub fn each_samples(&self, from: Time, until: Time, take: &mut dyn FnMut(Time, &Samples)) {
+        let first = self.parts.partition_point(|part| part.from() <= from);
+        let mut inflated = InflatedPart::default();
+        for part in self.parts.iter().skip(first.saturating_sub(1)) {
+            if part.from() >= until {
+                return;
+            }
+            let is_asked =
+                |packed: &PackedInput<'_>| packed.is_samples && (from..until).contains(&packed.at);
+            for packed in part.inputs(&mut inflated).filter(is_asked) {
+                if let Some(BoardInput::Heard(HeardMessage::Message(_, Message::Samples(batch)))) =
+                    packed.input()
+                {
+                    take(packed.at, &batch);
+                }
+            }
+        }
     }
 
     /// Begins a part when the newest one is full; never between two inputs of the same time.

@@ -50,13 +50,31 @@ struct PairSamples {
     at: Time,
 }
 
+/// Which samples are new: the newest one of each vehicle, by start, run and number; what is said again is not counted again,
+/// also of an earlier start or run.
+#[derive(Clone, Debug, Default)]
+pub struct NewSamples {
+    highest: BTreeMap<VehicleId, (Boot, RunId, u64)>,
+}
+
+impl NewSamples {
+    /// Takes a sample of a batch; returns whether it is new.
+    pub fn take(&mut self, batch: &Samples, sequence: u64) -> bool {
+        let source = (batch.boot, batch.run, sequence);
+        let known = self.highest.get(&batch.vehicle);
+        let is_known = known.is_some_and(|highest| source <= *highest);
+        if !is_known {
+            self.highest.insert(batch.vehicle, source);
+        }
+        !is_known
+    }
+}
+
 /// Who hears whom.
 #[derive(Clone, Debug, Default)]
 pub struct RadioView {
     pairs: BTreeMap<Pair, PairSamples>,
-    /// The newest sample of each vehicle, by start, run and number; what is said again is not counted again, also of an
-    /// earlier start or run.
-    highest: BTreeMap<VehicleId, (Boot, RunId, u64)>,
+    new: NewSamples,
     fitted: VecDeque<Link>,
     law: Option<PathLoss>,
     fitted_at: Time,
@@ -67,7 +85,7 @@ impl RadioView {
     pub fn hear(&mut self, now: Time, batch: &Samples) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for sample in &batch.samples {
-            if self.is_new(batch, sample.sequence) {
+            if self.new.take(batch, sample.sequence) {
                 let pair = (batch.vehicle, sample.transmitter);
                 self.take(now, pair, sample);
                 pairs.push(pair);
@@ -81,6 +99,11 @@ impl RadioView {
         pairs.sort_unstable();
         pairs.dedup();
         pairs
+    }
+
+    /// Returns which samples would be new.
+    pub fn new_samples(&self) -> &NewSamples {
+        &self.new
     }
 
     /// Returns all pairs that a sample came of, ascending.
@@ -103,16 +126,6 @@ impl RadioView {
             distance_m: known.distance_m,
             at: known.at,
         })
-    }
-
-    fn is_new(&mut self, batch: &Samples, sequence: u64) -> bool {
-        let source = (batch.boot, batch.run, sequence);
-        let known = self.highest.get(&batch.vehicle);
-        let is_known = known.is_some_and(|highest| source <= *highest);
-        if !is_known {
-            self.highest.insert(batch.vehicle, source);
-        }
-        !is_known
     }
 
     fn take(&mut self, now: Time, pair: Pair, sample: &Sample) {

@@ -39,7 +39,10 @@ macro_rules! told {
 mod answers;
 mod place;
 
-pub use answers::{CellWord, GhostWay, ObjectMesh, SceneMesh, ToldCell, ToldGhost, Why, WhyLink};
+pub use answers::{
+    CellWord, GhostWay, ObjectMesh, SceneMesh, ToldCell, ToldGhost, ToldPairHistory, ToldStrength,
+    Why, WhyLink,
+};
 pub use place::{DeclaredMission, GhostAbout, Place, Sensors, Showing, TruePerson, Truth, Welcome};
 
 told! {

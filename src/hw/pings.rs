@@ -7,16 +7,21 @@ use super::{RangeReading, TimedReading};
 use crate::node::sensor::{Echo, Ping};
 use crate::time::Time;
 
-/// A range sensor that has answered no ping for this long is silent.
-const SILENT: Duration = Duration::from_secs(3);
+/// A range sensor that answered before, and then none of more than [`MANY`] pings for this long, is silent.
+const SILENT: Duration = Duration::from_millis(800);
+/// So many pings without an answer may be chance: a glitch, a late frame, a sensor that was blinded for a moment.
+const MANY: u32 = 5;
+/// And so is one that has answered none for this long, however seldom it is asked, and when it was just switched on.
+const SILENT_FOR_LONG: Duration = Duration::from_secs(3);
 
 /// The pings of a vehicle's range sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pings {
     /// The newest ping and when it was said; `None` once it is answered.
     awaited: Option<(Ping, Time)>,
-    /// The first of the pings since the last answer.
-    unanswered: Option<Time>,
+    /// When the first of the pings since the last answer was said, and how many there are.
+    unanswered: Option<(Time, u32)>,
+    has_answered: bool,
     faults: u64,
 }
 
@@ -26,13 +31,14 @@ impl Pings {
         if self.awaited.replace((ping, now)).is_some() {
             self.faults += 1;
         }
-        self.unanswered.get_or_insert(now);
+        let (_, count) = self.unanswered.get_or_insert((now, 0));
+        *count = count.saturating_add(1);
     }
 
     /// Notes an answer of a sensor that says which ping it answers.
     pub fn answered(&mut self, number: u64) {
         self.awaited.take_if(|(ping, _)| ping.number == number);
-        self.unanswered = None;
+        (self.unanswered, self.has_answered) = (None, true);
     }
 
     /// Returns the echo that a reading is, if a ping waits for it: one that was measured before the ping says nothing of
@@ -41,7 +47,7 @@ impl Pings {
         let (ping, _) = self
             .awaited
             .take_if(|(_, sent_at)| *sent_at <= timed.measured)?;
-        self.unanswered = None;
+        (self.unanswered, self.has_answered) = (None, true);
         let range_m = match timed.reading {
             RangeReading::Range(range_m) => Some(range_m),
             RangeReading::Nothing => None,
@@ -54,7 +60,11 @@ impl Pings {
 
     /// Returns whether pings have gone without any answer for too long; never when nothing was asked.
     pub fn is_silent(&self, now: Time) -> bool {
-        self.unanswered.is_some_and(|at| now.since(at) > SILENT)
+        self.unanswered.is_some_and(|(at, count)| {
+            let silent = now.since(at);
+            let is_many = self.has_answered && count > MANY;
+            silent > SILENT_FOR_LONG || (silent > SILENT && is_many)
+        })
     }
 
     /// Returns how many pings were never answered.
@@ -138,12 +148,30 @@ mod tests {
     #[test]
     fn silence_is_counted_from_the_first_ping_that_nothing_answers() {
         let mut pings = Pings::default();
-        assert!(!pings.is_silent(at(9.0)), "it was not asked");
-        for number in 0..40 {
-            pings.ping(at(9.0 + 0.1 * number as f64), Ping { number });
-        }
-        assert!(!pings.is_silent(at(12.0)) && pings.is_silent(at(12.1)));
+        assert!(!pings.is_silent(at(5.0)), "it was not asked");
+        let ask = |pings: &mut Pings, from_s: f64| {
+            for number in 0..35 {
+                pings.ping(at(from_s + 0.1 * number as f64), Ping { number });
+            }
+        };
+        ask(&mut pings, 5.0);
+        let is_silent_at = |pings: &Pings, all: [f64; 2]| all.map(|at_s| pings.is_silent(at(at_s)));
+        assert_eq!(
+            is_silent_at(&pings, [8.0, 8.1]),
+            [false, true],
+            "as it begins"
+        );
+        assert!(pings.answer(range(8.5, 1.0)).is_some());
+        ask(&mut pings, 9.0);
+        assert_eq!(is_silent_at(&pings, [9.8, 9.9]), [false, true]);
         assert!(pings.answer(range(13.0, 1.0)).is_some());
         assert!(!pings.is_silent(at(99.0)));
+        for number in 40..45 {
+            pings.ping(at(100.0), Ping { number });
+        }
+        assert!(
+            !pings.is_silent(at(103.0)) && pings.is_silent(at(103.1)),
+            "few pings, and long"
+        );
     }
 }

@@ -63,7 +63,12 @@ impl fmt::Display for MarkOutcome {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             MarkOutcome::Stored(mark) => {
-                let word = if mark.stands { "marked" } else { "taken back" };
+                // What the ground station says is how it is now, also where nothing was marked before.
+                let word = if mark.stands {
+                    "marked"
+                } else {
+                    "not marked now"
+                };
                 write!(to, "run {}: {} is {word}", mark.run, place(mark))
             }
             MarkOutcome::NoRun => to.write_str("no ground station was heard that names a run"),

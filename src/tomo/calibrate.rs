@@ -1,39 +1,22 @@
 //! From signal strengths to attenuations: by an empty sweep where there is one, by a fitted path loss otherwise.
 //!
-//! What a link had in the empty sweep is kriged from its neighbours there ([`super::kriging`]) where ends were driven, as
-//! no two sweeps drive the same places; fixed ends are the same again, and there a link has its partner. Where an image of
-//! the empty sweep is known, what it explains is taken out of the neighbours and put back for the link (regression kriging,
-//! Odeh et al. 1995): behind a wall the loss depends much on where the ends are, and a mean of neighbours would be of
-//! another place.
-//!
-//! Every link that is not used is counted with its reason. Nothing is imaged here.
+//! What a link had in the empty sweep says [`super::empty_sweep`]. Every link that is not used is counted with its reason. Nothing is imaged here.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Rect};
 
-use super::bins::BinKey;
+use super::Link;
 use super::censored::CensoredMean;
 use super::displaced_ends::add_displacement;
-use super::kriging::{Level, LevelField};
+use super::empty_sweep::{Asked, EmptyLinks, KnownSweep, Lost};
 use super::link::floor_dbm;
-use super::link_noise::{
-    below_bound_db2, excess_spread, packet_variance, single_variance, strength_of,
-};
-use super::path_loss::{ExponentPrior, LawBasis, PathLoss, spread_db};
+use super::link_noise::{single_variance, strength_of};
+use super::path_loss::{ExponentPrior, LawBasis, PathLoss};
 use super::ring::side_tolerance_m;
 use super::settings::{ImagingSettings, NoiseModel};
-use super::weights::{WeightModel, WeightRows};
-use super::{Image, Link};
-
-/// Of fewer links than this nobody could tell a field.
-const FEWEST_DRIVEN: usize = 30;
-/// Two places that differ by less are the same one, metres (or the units of the input).
-const SAME_PLACE_M: f64 = 1e-3;
-/// What an image explains is computed of so few links at a time that their weights are fewer than this, 50 MB.
-const MOST_WEIGHTS: usize = 1 << 22;
 
 /// Why a link is not in the image.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -118,17 +101,20 @@ pub struct Calibrated {
 
 /// Calibrates the links `now` by an empty sweep, or without one by the path loss of the sweep itself.
 pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSettings) -> Calibrated {
-    calibrate_around(now, empty, None, settings)
+    let structure = None;
+    let empty = empty.map(|links| EmptyLinks { links, structure });
+    calibrate_around(now, empty, settings, &mut KnownSweep::default())
 }
 
-/// Calibrates as [`calibrate`] does; `structure` = the image of the empty sweep, if there is one.
+/// Calibrates as [`calibrate`] does, with what is known of the empty sweep; that gives the same as without.
 pub(super) fn calibrate_around(
     now: &[Link],
-    empty: Option<&[Link]>,
-    structure: Option<&Image>,
+    empty: Option<EmptyLinks<'_>>,
     settings: &ImagingSettings,
+    known: &mut KnownSweep,
 ) -> Calibrated {
-    let all = || now.iter().chain(empty.unwrap_or_default());
+    let of_empty = empty.map(|empty| empty.links);
+    let all = || now.iter().chain(of_empty.unwrap_or_default());
     let sensitivity_dbm = floor_dbm(all(), settings.noise.sensitivity_dbm);
     let noise = NoiseModel {
         sensitivity_dbm,
@@ -140,68 +126,64 @@ pub(super) fn calibrate_around(
         side_tolerance_m: tolerance_m,
         ..*settings
     };
-    let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
-    let sweep = empty.map(|links| {
-        let is_driven = are_driven(links, now);
-        EmptySweep::of((links, is_driven), structure, settings, path_loss)
-    });
-    let is_driven = matches!(sweep, Some(EmptySweep::Driven { .. }));
-    // Of fixed places nothing is asked.
-    let explained =
-        |links: &[Link]| explained_db(structure.filter(|_| is_driven), links, settings.weights);
-    let now_explained = explained(now);
-    let mut calibrated = Calibrated {
-        observations: Vec::new(),
-        dropped: DroppedLinks::new(),
-        path_loss,
-        by_empty_sweep: sweep.is_some(),
-        is_driven,
-    };
-    let mut used = Vec::new();
-    for (link, explained_db) in now.iter().zip(now_explained) {
-        match observe((link, explained_db), sweep.as_ref(), path_loss, settings) {
-            Ok(observation) => {
-                calibrated.observations.push(observation);
-                used.push(*link);
-            }
-            Err(reason) => *calibrated.dropped.entry(reason).or_default() += 1,
+    let path_loss = fit_path_loss(of_empty.unwrap_or(now), settings);
+    let mut dropped = DroppedLinks::new();
+    let mut leave_out = |reason: DropReason| *dropped.entry(reason).or_default() += 1;
+    let mut asked = Vec::with_capacity(now.len());
+    for link in now {
+        match strength_to_compare(link, settings) {
+            Ok(strength) => asked.push(Asked {
+                link: *link,
+                strength,
+            }),
+            Err(reason) => leave_out(reason),
         }
     }
-    if let Some(EmptySweep::Driven { field, .. }) = &sweep {
-        // The exponent cancels, as the length is nearly the same.
-        let level_dbm = |links: &[Link]| -> Vec<Option<f64>> {
-            let levels = links.iter().zip(explained(links));
-            levels
-                .map(|(link, explained_db)| Some(field.level_of(link)?.0 - explained_db))
-                .collect()
-        };
-        let observations = &mut calibrated.observations;
-        add_displacement(observations, &used, settings.pairing_m, level_dbm);
-    }
-    calibrated
-}
-
-/// Returns what an image explains of the attenuation of links, dB; 0 without one.
-fn explained_db(image: Option<&Image>, links: &[Link], weights: WeightModel) -> Vec<f64> {
-    let mut explained_db = vec![0.0; links.len()];
-    let Some(image) = image else {
-        return explained_db;
+    let (is_driven, lost) = match empty {
+        Some(empty) => {
+            let sweep = known.of(empty, now, settings, path_loss);
+            (sweep.is_driven(), sweep.ask(&asked, settings))
+        }
+        None => {
+            let lost = |asked: &Asked| lost_by_law(asked, path_loss, &settings.noise);
+            (false, asked.iter().map(lost).collect())
+        }
     };
-    let at_once = (MOST_WEIGHTS / image.values.len().max(1)).clamp(1, 256);
-    for (links, explained_db) in links.chunks(at_once).zip(explained_db.chunks_mut(at_once)) {
-        WeightRows::rescaled(links.iter().map(Link::segment), &image.grid, weights)
-            .forward(&image.values, explained_db);
+    let (mut observations, mut slopes) = (Vec::new(), Vec::new());
+    for (Asked { link, .. }, lost) in asked.iter().zip(lost) {
+        match lost {
+            Ok(lost) => {
+                slopes.push(lost.slope_db2_m2);
+                observations.push(Observation {
+                    from: link.from,
+                    to: link.to,
+                    attenuation_db: lost.attenuation_db,
+                    variance_db2: lost.variance_db2,
+                    packets: link.packets,
+                    misses: link.misses,
+                    is_at_floor: link.is_silent(),
+                });
+            }
+            Err(reason) => leave_out(reason),
+        }
     }
-    explained_db
+    if is_driven {
+        add_displacement(&mut observations, &slopes, settings.pairing_m);
+    }
+    Calibrated {
+        observations,
+        dropped,
+        path_loss,
+        by_empty_sweep: empty.is_some(),
+        is_driven,
+    }
 }
 
-/// `explained_db`: what the image of the empty sweep explains of the link.
-fn observe(
-    (link, explained_db): (&Link, f64),
-    sweep: Option<&EmptySweep>,
-    path_loss: Option<PathLoss>,
+/// Returns how strong a link is, if it is one that may be imaged.
+fn strength_to_compare(
+    link: &Link,
     settings: &ImagingSettings,
-) -> Result<Observation, DropReason> {
+) -> Result<CensoredMean, DropReason> {
     let length_m = link.length_m();
     if length_m < settings.shortest_link_m || length_m <= 0.0 {
         return Err(DropReason::TooShort);
@@ -209,166 +191,21 @@ fn observe(
     if runs_along_a_side(link, settings.ring, settings.side_tolerance_m) {
         return Err(DropReason::SameSide);
     }
-    let strength = strength_of(link, &settings.noise).ok_or(DropReason::NeverHeard)?;
-    let (attenuation_db, variance_db2) = match sweep {
-        Some(EmptySweep::Driven { field, exponent }) => {
-            let now = level_of(link, strength, *exponent, &settings.noise);
-            let (level_dbm, variance_db2) =
-                field.level_of(link).ok_or(DropReason::NoEmptyPartner)?;
-            if link.is_silent() && field.is_silent_around(link) {
-                return Err(DropReason::SilentBefore);
-            }
-            let empty_dbm = level_dbm - explained_db;
-            (empty_dbm - now.level_dbm, now.variance_db2 + variance_db2)
-        }
-        Some(EmptySweep::Fixed(sweep)) => {
-            let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
-            if link.is_silent() && partner.link.is_silent() {
-                return Err(DropReason::SilentBefore);
-            }
-            // A partner may be longer or shorter by a bin: what that costs in free space (exponent 2) is no attenuation.
-            let longer_db = 2.0 * (spread_db(length_m) - spread_db(partner.link.length_m()));
-            let now = (link, strength);
-            let variance_db2 = paired_variance(now, partner, &settings.noise, settings.pairing_m);
-            let lost_db = partner.strength.mean_dbm - strength.mean_dbm;
-            (lost_db - longer_db, variance_db2)
-        }
-        None => {
-            let law = path_loss.ok_or(DropReason::NoPathLoss)?;
-            let free_dbm = law.strength_dbm(length_m);
-            let lost_db = free_dbm - strength.mean_dbm;
-            (lost_db, single_variance(link, strength, &settings.noise))
-        }
-    };
-    let observation = Observation {
-        from: link.from,
-        to: link.to,
-        attenuation_db,
-        variance_db2,
-        packets: link.packets,
-        misses: link.misses,
-        is_at_floor: link.is_silent(),
-    };
-    Ok(observation)
+    strength_of(link, &settings.noise).ok_or(DropReason::NeverHeard)
 }
 
-/// Returns whether the ends of links were driven: where they were measured in several spots, or, as a file need not say that,
-/// where most links of the other sweep have other ends.
-fn are_driven(empty: &[Link], now: &[Link]) -> bool {
-    if empty.iter().any(|link| link.spots > 1) {
-        return true;
-    }
-    if empty.len() < FEWEST_DRIVEN {
-        return false;
-    }
-    let ends = |link: &Link| {
-        let mut ends = [link.from, link.to]
-            .map(|at| [at.x_m, at.y_m].map(|part_m| (part_m / SAME_PLACE_M).round() as i64));
-        ends.sort_unstable();
-        ends
-    };
-    let measured: BTreeSet<_> = empty.iter().map(ends).collect();
-    let again = now
-        .iter()
-        .filter(|link| measured.contains(&ends(link)))
-        .count();
-    2 * again < now.len()
-}
-
-/// The empty sweep, to be asked what a link had in it.
-enum EmptySweep {
-    /// Its ends were driven.
-    Driven {
-        field: LevelField,
-        /// Of the path loss: what is taken off a strength for its distance.
-        exponent: f64,
-    },
-    /// Its ends are fixed.
-    Fixed(Partners),
-}
-
-impl EmptySweep {
-    fn of(
-        (links, is_driven): (&[Link], bool),
-        structure: Option<&Image>,
-        settings: &ImagingSettings,
-        path_loss: Option<PathLoss>,
-    ) -> EmptySweep {
-        let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
-        let entries = entries_of(links, settings);
-        if !is_driven {
-            return EmptySweep::Fixed(Partners::new(entries, settings, exponent));
-        }
-        let is_long = |entry: &&Entry| entry.link.length_m() >= 0.5 * settings.shortest_link_m;
-        let long: Vec<&Entry> = entries.values().filter(is_long).collect();
-        let links: Vec<Link> = long.iter().map(|entry| entry.link).collect();
-        let explained_db = explained_db(structure, &links, settings.weights);
-        let level = |(entry, explained_db): (&Entry, f64)| {
-            let level = level_of(&entry.link, entry.strength, exponent, &settings.noise);
-            Level {
-                level_dbm: level.level_dbm + explained_db,
-                variance_db2: level.variance_db2 + below_bound_db2(&entry.link),
-                ..level
-            }
-        };
-        let levels = long.into_iter().zip(explained_db).map(level);
-        EmptySweep::Driven {
-            field: LevelField::new(levels.collect(), settings.pairing_m),
-            exponent,
-        }
-    }
-}
-
-/// Returns the strength of a link but for its distance, and its variance.
-fn level_of(link: &Link, strength: CensoredMean, exponent: f64, noise: &NoiseModel) -> Level {
-    let excess_db2 = noise.spread_share * noise.spread_share * excess_spread(link, noise);
-    Level {
-        link: *link,
-        level_dbm: strength.mean_dbm + exponent * spread_db(link.length_m()),
-        variance_db2: single_variance(link, strength, noise) + excess_db2,
-    }
-}
-
-/// 2 s_F²/spots + s_t²/n_now + s_t²/n_empty + s_match², s_match from the local spread of the empty sweep.
-///
-/// Where both sweeps stood at the very same places the fades cancel down to a small rest.
-fn paired_variance(
-    (link, strength): (&Link, CensoredMean),
-    partner: &Entry,
+/// Returns what a link has lost against free space.
+fn lost_by_law(
+    Asked { link, strength }: &Asked,
+    path_loss: Option<PathLoss>,
     noise: &NoiseModel,
-    pairing_m: f64,
-) -> f64 {
-    let square = |sd_db: f64| sd_db * sd_db;
-    let now_share = 1.0 / f64::from(link.spots.max(1));
-    let empty_share = 1.0 / f64::from(partner.link.spots.max(1));
-    let is_same_place = link.spots <= 1
-        && partner.link.spots <= 1
-        && ends_apart_m(link, &partner.link) < 0.02 * pairing_m;
-    let fading_db2 = if is_same_place {
-        square(noise.matched_fading_sd_db)
-    } else {
-        square(noise.fading_sd_db) * (now_share + empty_share)
-    };
-    let share = if is_same_place {
-        0.0
-    } else {
-        noise.match_share
-    };
-    fading_db2
-        + packet_variance(strength, noise)
-        + packet_variance(partner.strength, noise)
-        + below_bound_db2(&partner.link)
-        + share * share * partner.local_variance_db2
-        + square(noise.spread_share)
-            * (excess_spread(link, noise) + excess_spread(&partner.link, noise))
-        + square(noise.model_sd_db)
-}
-
-/// Returns the larger of the distances between the ends of two links, the ends matched as they lie nearer.
-fn ends_apart_m(a: &Link, b: &Link) -> f64 {
-    let straight = a.from.distance_to(b.from).max(a.to.distance_to(b.to));
-    let crossed = a.from.distance_to(b.to).max(a.to.distance_to(b.from));
-    straight.min(crossed)
+) -> Result<Lost, DropReason> {
+    let law = path_loss.ok_or(DropReason::NoPathLoss)?;
+    Ok(Lost {
+        attenuation_db: law.strength_dbm(link.length_m()) - strength.mean_dbm,
+        variance_db2: single_variance(link, *strength, noise),
+        slope_db2_m2: 0.0,
+    })
 }
 
 /// Returns whether both ends lie on one side of the ring.
@@ -414,130 +251,10 @@ fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss>
     })
 }
 
-/// A link of the empty sweep with what its neighbours say.
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Entry {
-    link: Link,
-    strength: CensoredMean,
-    /// How much the standing structure changes to the neighbouring bins, dB².
-    local_variance_db2: f64,
-}
-
-/// The links of an empty sweep between fixed places, searchable by place.
-struct Partners {
-    pairing_m: f64,
-    entries: BTreeMap<BinKey, Entry>,
-}
-
-/// Returns the links of an empty sweep of which something is known, one for each bin.
-fn entries_of(links: &[Link], settings: &ImagingSettings) -> BTreeMap<BinKey, Entry> {
-    let known = |(key, link): (BinKey, Link)| {
-        let entry = Entry {
-            link,
-            strength: strength_of(&link, &settings.noise)?,
-            local_variance_db2: 0.0,
-        };
-        Some((key, entry))
-    };
-    pooled(links, settings.pairing_m)
-        .into_iter()
-        .filter_map(known)
-        .collect()
-}
-
-impl Partners {
-    fn new(
-        entries: BTreeMap<BinKey, Entry>,
-        settings: &ImagingSettings,
-        exponent: f64,
-    ) -> Partners {
-        let mut sweep = Partners {
-            pairing_m: settings.pairing_m,
-            entries,
-        };
-        let spreads: Vec<f64> = sweep
-            .entries
-            .keys()
-            .map(|key| sweep.local_variance(*key, exponent, &settings.noise))
-            .collect();
-        sweep
-            .entries
-            .values_mut()
-            .zip(spreads)
-            .for_each(|(entry, spread)| entry.local_variance_db2 = spread);
-        sweep
-    }
-
-    /// Returns the mean square step to the neighbouring bins beyond what noise explains, dB².
-    fn local_variance(&self, key: BinKey, exponent: f64, noise: &NoiseModel) -> f64 {
-        let level = |entry: &Entry| {
-            entry.strength.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3))
-        };
-        let here = &self.entries[&key];
-        let (mut sum, mut count) = (0.0, 0);
-        for key in neighbours(key) {
-            if let Some(entry) = self.entries.get(&key) {
-                let step_db = level(entry) - level(here);
-                // Two neighbours differ by noise, too; only what is beyond it is structure.
-                let of = |one: &Entry| single_variance(&one.link, one.strength, noise);
-                let expected = of(entry) + of(here);
-                sum += step_db * step_db - expected;
-                count += 1;
-            }
-        }
-        if count == 0 {
-            0.0
-        } else {
-            (sum / f64::from(count)).max(0.0)
-        }
-    }
-
-    /// Returns the link of the same bin, else the nearest one within reach.
-    fn partner(&self, link: &Link) -> Option<&Entry> {
-        let (key, _) = BinKey::of(link.from, link.to, self.pairing_m);
-        if let Some(entry) = self.entries.get(&key) {
-            return Some(entry);
-        }
-        neighbours(key)
-            .filter_map(|key| self.entries.get(&key))
-            .map(|entry| (ends_apart_m(link, &entry.link), entry))
-            .filter(|(apart_m, _)| *apart_m <= self.pairing_m)
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, entry)| entry)
-    }
-}
-
-/// Returns one link per bin; links of one bin are pooled.
-fn pooled(links: &[Link], pairing_m: f64) -> BTreeMap<BinKey, Link> {
-    let mut bins: BTreeMap<BinKey, Link> = BTreeMap::new();
-    for link in links {
-        let (key, exchanged) = BinKey::of(link.from, link.to, pairing_m);
-        let (from, to) = if exchanged {
-            (link.to, link.from)
-        } else {
-            (link.from, link.to)
-        };
-        let link = Link { from, to, ..*link };
-        bins.entry(key)
-            .and_modify(|known| *known = known.pooled(&link))
-            .or_insert(link);
-    }
-    bins
-}
-
-/// The keys with one end, or both, in a neighbouring bin.
-fn neighbours(key: BinKey) -> impl Iterator<Item = BinKey> {
-    const STEPS: [(i32, i32); 5] = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)];
-    STEPS
-        .into_iter()
-        .flat_map(move |low| STEPS.into_iter().map(move |high| (low, high)))
-        .skip(1)
-        .map(move |(low, high)| key.moved(low, high))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tomo::path_loss::spread_db;
 
     fn settings() -> ImagingSettings {
         ImagingSettings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)))

@@ -19,19 +19,18 @@ use super::{Link, Observation};
 
 /// Ends are moved by this to either side to tell how steep the level is, bins.
 const MOVED_BINS: f64 = 0.4;
-/// Displacements that are compared, bins: none, and up to the last one.
+/// Displacements that are compared, bins: none, and up to the last one; first every so many, then those around the best.
 const STEP_BINS: f64 = 0.02;
 const STEPS: u32 = 40;
+const COARSE: u32 = 4;
 
-/// Adds to the variances of observations what it costs that the ends of their links, which were pooled in bins of this size, are
-/// displaced, metres. `level_dbm` tells what links had in the empty sweep but for their distance; `None` of those where nothing
-/// is known.
-pub(super) fn add_displacement(
-    observations: &mut [Observation],
+/// Returns g_a² + g_b² of each link, dB²/m²; bins are of this size, metres. `level_dbm` tells what links had in the empty sweep
+/// but for their distance; `None` of those where nothing is known.
+pub(super) fn slopes(
     links: &[Link],
     bin_m: f64,
     level_dbm: impl Fn(&[Link]) -> Vec<Option<f64>>,
-) {
+) -> Vec<f64> {
     let half_step_m = MOVED_BINS * bin_m;
     let mut slopes = vec![0.0; links.len()];
     for end in [End::From, End::To] {
@@ -43,7 +42,13 @@ pub(super) fn add_displacement(
             *sum += slope * slope;
         }
     }
-    let sd_m = displacement_m(observations, &slopes, bin_m);
+    slopes
+}
+
+/// Adds to the variances of observations what it costs that the ends of their links, which were pooled in bins of this size, are
+/// displaced, metres; by the [`slopes`] of each.
+pub(super) fn add_displacement(observations: &mut [Observation], slopes: &[f64], bin_m: f64) {
+    let sd_m = displacement_m(observations, slopes, bin_m);
     for (one, slope) in observations.iter_mut().zip(slopes) {
         one.variance_db2 += sd_m * sd_m * slope;
     }
@@ -76,29 +81,39 @@ fn moved(links: &[Link], end: End, by_m: f64) -> Vec<Link> {
 
 /// Returns σ, by the sums of squares of the slopes of each link, dB²/m².
 fn displacement_m(observations: &[Observation], slopes: &[f64], bin_m: f64) -> f64 {
-    let loss = |sd_m: &f64| {
-        let variances = observations.iter().zip(slopes);
-        let variances: Vec<f64> = variances
-            .map(|(one, slope)| one.variance_db2 + sd_m * sd_m * slope)
-            .collect();
-        let lost = observations.iter().zip(&variances);
-        let squares: Vec<f64> = lost
-            .map(|(one, variance_db2)| one.attenuation_db * one.attenuation_db / variance_db2)
-            .collect();
-        let kappa = most_probable_scale(&squares);
-        let terms = squares
-            .iter()
-            .zip(&variances)
-            .map(|(square, variance_db2)| {
-                0.5 * libm::log(kappa * variance_db2)
-                    + 0.5 * (DEGREES + 1.0) * libm::log(1.0 + square / kappa / DEGREES)
-            });
-        terms.sum::<f64>()
-    };
-    let candidates = (0..=STEPS).map(|step| bin_m * STEP_BINS * f64::from(step));
-    let judged = candidates.map(|sd_m| (loss(&sd_m), sd_m));
+    let sd_m = |step: u32| bin_m * STEP_BINS * f64::from(step);
+    let loss = |step: u32| loss(observations, slopes, sd_m(step));
+    let near = best_of((0..=STEPS).step_by(COARSE as usize), loss);
+    let around = near.saturating_sub(COARSE - 1)..=(near + COARSE - 1).min(STEPS);
+    sd_m(best_of(around, loss))
+}
+
+/// Returns minus the logarithm of how probable the links are when ends are displaced by so much.
+fn loss(observations: &[Observation], slopes: &[f64], sd_m: f64) -> f64 {
+    let variances = observations.iter().zip(slopes);
+    let variances: Vec<f64> = variances
+        .map(|(one, slope)| one.variance_db2 + sd_m * sd_m * slope)
+        .collect();
+    let lost = observations.iter().zip(&variances);
+    let squares: Vec<f64> = lost
+        .map(|(one, variance_db2)| one.attenuation_db * one.attenuation_db / variance_db2)
+        .collect();
+    let kappa = most_probable_scale(&squares);
+    let terms = squares
+        .iter()
+        .zip(&variances)
+        .map(|(square, variance_db2)| {
+            0.5 * libm::log(kappa * variance_db2)
+                + 0.5 * (DEGREES + 1.0) * libm::log(1.0 + square / kappa / DEGREES)
+        });
+    terms.sum::<f64>()
+}
+
+/// Returns the step with the least loss, the first of several.
+fn best_of(steps: impl Iterator<Item = u32>, loss: impl Fn(u32) -> f64) -> u32 {
+    let judged = steps.map(|step| (loss(step), step));
     let best = judged.reduce(|best, next| if next.0 < best.0 { next } else { best });
-    best.map_or(0.0, |(_, sd_m)| sd_m)
+    best.map_or(0, |(_, step)| step)
 }
 
 #[cfg(test)]
@@ -158,9 +173,8 @@ mod tests {
         let links = links();
         for displacement_m in [0.0, 0.1, 0.25] {
             let mut observations = measured(&links, displacement_m);
-            add_displacement(&mut observations, &links, 0.5, |links| {
-                level_dbm(links, 12.0)
-            });
+            let slopes = slopes(&links, 0.5, |links| level_dbm(links, 12.0));
+            add_displacement(&mut observations, &slopes, 0.5);
             let steep = observations
                 .iter()
                 .filter(|one| one.from.y_m.min(one.to.y_m) > 9.5);
@@ -181,6 +195,29 @@ mod tests {
     }
 
     #[test]
+    fn the_most_probable_displacement_of_all_is_found() {
+        let links = links();
+        for displacement_m in [0.0, 0.03, 0.07, 0.13, 0.2, 0.31, 0.39] {
+            let observations = measured(&links, displacement_m);
+            for part in [
+                &observations[..],
+                &observations[..60],
+                &observations[300..340],
+            ] {
+                let slopes = slopes(&links[..part.len()], 0.5, |links| level_dbm(links, 12.0));
+                let all = best_of(0..=STEPS, |step| {
+                    loss(part, &slopes, 0.01 * f64::from(step))
+                });
+                let found_m = super::displacement_m(part, &slopes, 0.5);
+                assert!(
+                    (found_m - 0.01 * f64::from(all)).abs() < 1e-9,
+                    "{found_m}: {all}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn exchanged_ends_change_nothing_and_where_nothing_is_known_nothing_is_added() {
         let links = links();
         let turned: Vec<Link> = links
@@ -193,9 +230,8 @@ mod tests {
             .collect();
         let of = |links: &[Link]| {
             let mut observations = measured(links, 0.2);
-            add_displacement(&mut observations, links, 0.5, |links| {
-                level_dbm(links, 12.0)
-            });
+            let slopes = slopes(links, 0.5, |links| level_dbm(links, 12.0));
+            add_displacement(&mut observations, &slopes, 0.5);
             observations
         };
         for (one, other) in of(&links).iter().zip(of(&turned)) {
@@ -203,8 +239,8 @@ mod tests {
         }
         let mut observations = measured(&links, 0.2);
         let none = |links: &[Link]| vec![None; links.len()];
-        add_displacement(&mut observations, &links, 0.5, none);
+        add_displacement(&mut observations, &slopes(&links, 0.5, none), 0.5);
         assert!(observations.iter().all(|one| one.variance_db2 == 1.0));
-        add_displacement(&mut [], &[], 0.5, none);
+        add_displacement(&mut [], &slopes(&[], 0.5, none), 0.5);
     }
 }

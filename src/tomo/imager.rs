@@ -3,6 +3,7 @@
 //! [`Imager`] keeps the last solution and starts the next one from it; [`reconstruct`] does it once.
 
 mod empty_scene;
+mod known_rows;
 mod memory;
 
 use serde::{Deserialize, Serialize};
@@ -10,10 +11,12 @@ use serde::{Deserialize, Serialize};
 use crate::geom::{Point, Segment};
 
 use self::empty_scene::EmptyScene;
+use self::known_rows::KnownRows;
 use self::memory::check_memory;
 use super::box_grid::BoxGrid;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate_around};
 use super::deviation::{DeviationInputs, deviation};
+use super::empty_sweep::{EmptyLinks, KnownSweep};
 use super::error::TomoError;
 use super::finds::{Driven, Finds, SearchedGround, find_persons};
 use super::imaged_links::ImagedLink;
@@ -29,9 +32,9 @@ use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
 use super::weights::WeightRows;
 use super::{Image, Link};
 
-/// What stood in an empty sweep is not imaged anew while its links differ by no more than this, dB: what radios differ by,
-/// which is taken out of them, is found anew from the links of every image.
-const SAME_SCENE_DB: f64 = 0.5;
+/// An empty sweep is taken as it was for the image before while its links differ by no more than this, dB: what radios differ
+/// by, which is taken out of them, is found anew from the links of every image.
+const SAME_SCENE_DB: f64 = 0.2;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
 
@@ -103,6 +106,9 @@ pub struct Imager {
     /// What the last solution by `map` has come to, where the next one begins.
     last: Option<MapStart>,
     standing: Option<EmptyScene>,
+    /// What the empty sweep has said, and the weights of the links before: what follows from them is the same without them.
+    sweep: KnownSweep,
+    rows: KnownRows,
 }
 
 /// What a snapshot keeps of an imager; the covariance follows from the settings.
@@ -120,6 +126,8 @@ impl From<Imager> for ImagerSnapshot {
             covariance: _,
             last,
             standing,
+            sweep: _,
+            rows: _,
         }: Imager,
     ) -> ImagerSnapshot {
         ImagerSnapshot {
@@ -175,12 +183,21 @@ impl Imager {
             covariance,
             last: None,
             standing: None,
+            sweep: KnownSweep::default(),
+            rows: KnownRows::default(),
         })
     }
 
     /// Forgets the last solution: the next one depends on its links alone, to the last bit.
     pub fn forget(&mut self) {
         self.last = None;
+        self.forget_known();
+    }
+
+    /// Forgets what saves time alone.
+    fn forget_known(&mut self) {
+        self.sweep.forget();
+        self.rows.forget();
     }
 
     /// Reconstructs from all links so far.
@@ -211,15 +228,22 @@ impl Imager {
         if empty.is_some() {
             watch.tell(ImagingStep::Structure);
         }
-        let structure = match empty {
-            // Images that are never negative do without: they are not kept out of anything.
-            Some(empty) if self.settings.solver.is_non_negative() => {
-                self.structure_of(empty).ok().flatten()
-            }
-            Some(empty) => self.structure_of(empty)?,
+        let scene = match empty.map(|empty| self.find_scene(empty)) {
             None => None,
+            Some(Ok(())) => self.standing.as_ref(),
+            // Images that are never negative do without: they are not kept out of anything.
+            Some(Err(_)) if self.settings.solver.is_non_negative() => None,
+            Some(Err(problem)) => return Err(problem),
         };
-        let mut calibrated = calibrate_around(now, empty, structure.as_ref(), &self.settings);
+        let of_empty = empty.map(|links| match scene {
+            Some(scene) => scene.links(),
+            None => EmptyLinks {
+                links,
+                structure: None,
+            },
+        });
+        let mut calibrated = calibrate_around(now, of_empty, &self.settings, &mut self.sweep);
+        let structure = scene.and_then(|scene| scene.structure.clone());
         let mut rows = self.rows(&mut calibrated)?;
         if calibrated.observations.is_empty() {
             return Err(TomoError::NoLinks {
@@ -241,6 +265,10 @@ impl Imager {
         rows.scale_pixels(&room);
         let is_exact = extras.shares_of.is_some();
         let solved = self.solve(&rows, &mut calibrated, finds.as_ref(), is_exact, watch);
+        if self.last.is_none() {
+            // Images that always begin cold are seldom made.
+            self.forget_known();
+        }
         if extras.deviation.is_some() {
             watch.tell(ImagingStep::Deviation);
         }
@@ -329,11 +357,11 @@ impl Imager {
         })
     }
 
-    /// Returns the image of an empty sweep; `None` when its links show nothing.
+    /// Sees to it that the scene at hand is that of an empty sweep.
     ///
     /// # Errors
     /// [`TomoError::TooLarge`].
-    fn structure_of(&mut self, empty: &[Link]) -> Result<Option<Image>, TomoError> {
+    fn find_scene(&mut self, empty: &[Link]) -> Result<(), TomoError> {
         // An image that begins cold depends on its links alone.
         let within_db = if self.last.is_none() {
             0.0
@@ -341,20 +369,20 @@ impl Imager {
             SAME_SCENE_DB
         };
         let known = self.standing.as_ref();
-        if let Some(standing) = known.filter(|one| one.is_of(empty, within_db)) {
-            return Ok(standing.structure.clone());
+        if !known.is_some_and(|one| one.is_of(empty, within_db)) {
+            self.standing = Some(EmptyScene::of(empty, &self.settings)?);
         }
-        let standing = self.standing.insert(EmptyScene::of(empty, &self.settings)?);
-        Ok(standing.structure.clone())
+        Ok(())
     }
 
     /// Builds the weights, and drops links that do not touch the area.
-    fn rows(&self, calibrated: &mut Calibrated) -> Result<WeightRows, TomoError> {
+    fn rows(&mut self, calibrated: &mut Calibrated) -> Result<WeightRows, TomoError> {
         check_memory(&calibrated.observations, &self.settings)?;
         let settings = &self.settings;
         let segment = |link: &Observation| Segment::new(link.from, link.to);
-        let build = |links: &[Observation]| {
-            WeightRows::rescaled(links.iter().map(segment), &settings.grid, settings.weights)
+        let known = &mut self.rows;
+        let mut build = |links: &[Observation]| {
+            known.rows(links.iter().map(segment), &settings.grid, settings.weights)
         };
         let rows = build(&calibrated.observations);
         let touches: Vec<bool> = (0..rows.len())

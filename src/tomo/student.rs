@@ -37,12 +37,12 @@ pub(super) fn noise_scale(squares: &[f64], start: f64, least: f64) -> f64 {
 /// Returns the κ under which squares of residuals over variances are most probable, whatever it was thought to be; 1 when there
 /// are none.
 pub(super) fn most_probable_scale(squares: &[f64]) -> f64 {
-    let mut sorted = squares.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted
-        .get(sorted.len() / 2)
-        .copied()
-        .unwrap_or(MEDIAN_SQUARE);
+    let (mut parted, middle) = (squares.to_vec(), squares.len() / 2);
+    let median = if parted.is_empty() {
+        MEDIAN_SQUARE
+    } else {
+        *parted.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
     noise_scale(squares, median / MEDIAN_SQUARE + LEAST_SCALE, LEAST_SCALE)
 }
 

@@ -122,20 +122,25 @@ impl WeightRows {
     ) -> WeightRows {
         let mut rows = WeightRows::new();
         for link in links {
-            let first = rows.values.len();
-            let inside_m = length_inside_m(link, grid);
-            rows.push(link, grid, model);
-            if rows.values.len() == first && inside_m > 0.0 {
-                rows.row_starts.pop();
-                rows.push(link, grid, WeightModel::Line);
-            }
-            let sum: f64 = rows.values[first..].iter().sum();
-            let factor = if sum > 0.0 { inside_m / sum } else { 0.0 };
-            rows.values[first..]
-                .iter_mut()
-                .for_each(|value| *value *= factor);
+            rows.push_rescaled(link, grid, model);
         }
         rows
+    }
+
+    /// Appends the row of one link as [`Self::rescaled`] gives it.
+    pub(super) fn push_rescaled(&mut self, link: Segment, grid: &PixelGrid, model: WeightModel) {
+        let first = self.values.len();
+        let inside_m = length_inside_m(link, grid);
+        self.push(link, grid, model);
+        if self.values.len() == first && inside_m > 0.0 {
+            self.row_starts.pop();
+            self.push(link, grid, WeightModel::Line);
+        }
+        let sum: f64 = self.values[first..].iter().sum();
+        let factor = if sum > 0.0 { inside_m / sum } else { 0.0 };
+        self.values[first..]
+            .iter_mut()
+            .for_each(|value| *value *= factor);
     }
 
     /// Returns about how many weights the rows of some links would have, at least as many as they have; it takes no memory.
@@ -187,6 +192,11 @@ impl WeightRows {
     /// Returns how many weights there are.
     pub fn values(&self) -> usize {
         self.values.len()
+    }
+
+    /// Returns how many bytes they take, about.
+    pub(super) fn bytes(&self) -> usize {
+        self.values.len() * size_of::<f64>() + self.runs.len() * size_of::<Run>()
     }
 
     /// Multiplies every pixel's weights by its factor; pixels without a factor stay as they are.

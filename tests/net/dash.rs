@@ -221,6 +221,7 @@ fn strangers_at_the_page_are_refused() {
         "/preflight",
         "/mesh",
         "/cell?x=1&y=1",
+        "/pair?one=1&other=2",
         "/ghost",
         "/settings",
         "/settings?keys",

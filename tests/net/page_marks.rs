@@ -110,7 +110,7 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
     until_known(&mut browser, &[[-0.5, 2.25], [3.0, 3.5]]);
     assert_eq!(stored(&swarm).len(), 2);
     browser.until(
-        "document.getElementById('mark-given').innerText.includes('run 1: (1.25, 5) is taken back')",
+        "document.getElementById('mark-given').innerText.includes('run 1: (1.25, 5) is not marked now')",
         10,
     );
 

@@ -342,6 +342,31 @@ fn a_recording_is_shown_at_any_moment_and_speed_and_takes_no_orders() {
     shot(&mut browser, "replay");
     assert_eq!(browser.complaints, Vec::<String>::new());
     an_earlier_image_is_made_of_fewer_links(&mut browser);
+    a_pair_was_heard_before_the_moment_that_is_shown(&mut browser);
+}
+
+/// Who looks back sees how strongly a pair was heard in the minutes before, also while nothing plays.
+fn a_pair_was_heard_before_the_moment_that_is_shown(browser: &mut Browser) {
+    view(browser, "radio");
+    let times = "Number(document.getElementById('pair-caption').textContent.match(/dBm in ([0-9]+) seconds/)?.[1] ?? 0)";
+    let mut counts = Vec::new();
+    for at_s in [30.0, 90.0] {
+        go_to(browser, at_s);
+        browser.until("!tomoswarm.model.isFilling", 10);
+        browser.until(
+            "document.querySelectorAll('#radio-matrix button').length > 0",
+            10,
+        );
+        browser.eval("document.querySelector('#radio-matrix button').click()");
+        browser.until(&format!("{times} > 5"), 10);
+        let last_ms =
+            "Math.max(...[...tomoswarm.model.history.values()].flat().map(([at_ms]) => at_ms))";
+        browser.until(&format!("{last_ms} <= {at_s} * 1000 + 60"), 5);
+        counts.push(browser.eval(times).as_u64().unwrap());
+    }
+    assert!(counts[0] < counts[1], "{counts:?}");
+    shot(browser, "pair");
+    assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
 /// Who looks back at the image of the change after the first lap is told of the links that it was made of.

@@ -8,6 +8,7 @@ use tomoswarm_proto::{Lease, Plan, Revision, RunId, VehicleId};
 
 use super::deflate::{deflate, inflate};
 use crate::dash::board::Board;
+use crate::dash::radio::RadioView;
 
 /// What tells a plan of a vehicle from its others.
 type Edition = (VehicleId, RunId, Lease, Revision);
@@ -54,6 +55,11 @@ impl BoardSnapshot {
         // What was packed here can be read.
         let plans = codec::unpack(&packed);
         self.board.with_plans(plans.unwrap_or_default())
+    }
+
+    /// Returns who was heard by whom.
+    pub fn radio(&self) -> &RadioView {
+        self.board.radio()
     }
 
     /// Returns how many bytes it takes, about, without what it shares with the one before.

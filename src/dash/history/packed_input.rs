@@ -16,6 +16,8 @@ pub(super) struct PackedInput<'a> {
     pub at: Time,
     /// It made an event.
     pub stays: bool,
+    /// It is samples: they are read without the others.
+    pub is_samples: bool,
     /// The input.
     pub bytes: &'a [u8],
 }
@@ -41,7 +43,7 @@ impl PackedInput<'_> {
         let before = to.len();
         to.extend(self.at.as_nanos().to_le_bytes());
         to.extend((self.bytes.len() as u32).to_le_bytes());
-        to.push(u8::from(self.stays));
+        to.push(u8::from(self.stays) | u8::from(self.is_samples) << 1);
         to.extend(self.bytes);
         to.len() - before
     }
@@ -55,7 +57,8 @@ impl PackedInput<'_> {
         *rest = after;
         Some(PackedInput {
             at: Time::from_nanos(u64::from_le_bytes(*at)),
-            stays: header.first() == Some(&1),
+            stays: header.first().is_some_and(|flags| flags & 1 != 0),
+            is_samples: header.first().is_some_and(|flags| flags & 2 != 0),
             bytes,
         })
     }

@@ -1,10 +1,11 @@
 //! What is answered to whoever may look, beside the feed: metrics, the checks before a start, what stands in a simulation,
-//! who has seen a cell, what is set, files, and which links made a pixel. Each judges the token first, and changes nothing.
+//! who has seen a cell, how strongly a pair was heard, what is set, files, and which links made a pixel. Each judges the token
+//! first, and changes nothing.
 
 use std::collections::BTreeSet;
 
 use serde_json::json;
-use tomoswarm_proto::{ImageSubject, RunId, Sender};
+use tomoswarm_proto::{ImageSubject, RunId, Sender, VehicleId};
 
 use super::PageServer;
 use crate::config::keys_in_words;
@@ -13,6 +14,7 @@ use crate::dash::cell_view::cell;
 use crate::dash::gate::{GateRefusal, PageId};
 use crate::dash::heard_files::HeardFiles;
 use crate::dash::metrics::metrics;
+use crate::dash::pair_history::pair_history;
 use crate::dash::run_files::{MissionFormat, places_of, waypoints};
 use crate::dash::why::{WhyQuestion, WhyTask, settings_of};
 use crate::geom::Point;
@@ -46,6 +48,22 @@ impl PageServer {
         self.gate.judge_looking(authorization)?;
         let (at, board) = self.shown_to(now, asked.page);
         Ok(cell(at, board, asked.at, asked.slice))
+    }
+
+    /// Returns how strongly two vehicles heard each other, as JSON, for whoever may look; `page` = as for [`CellQuestion`].
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn pair(
+        &self,
+        now: Time,
+        authorization: Option<&str>,
+        [one, other]: [VehicleId; 2],
+        page: Option<PageId>,
+    ) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let (at, _) = self.shown_to(now, page);
+        Ok(pair_history(at, &self.history, one, other))
     }
 
     /// Returns the moment that a page looks at, and what was known then; without a page the present.

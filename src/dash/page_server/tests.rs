@@ -970,6 +970,80 @@ fn who_has_seen_a_cell_is_told_of_the_moment_that_a_page_looks_at() {
     assert_eq!(refused, Err(GateRefusal::Token));
 }
 
+/// How strongly vehicle 1 heard vehicle 2, as a page is told: how long ago, and the strength; and how often 2 heard 1.
+fn told_of_pair(server: &PageServer, page: Option<PageId>) -> (Vec<(f64, i64)>, usize) {
+    let (header, pair) = (format!("Bearer {LOOK}"), [1, 2].map(VehicleId));
+    let text = server.pair(at(400.0), Some(&header), pair, page).unwrap();
+    let read: Value = serde_json::from_str(&text).unwrap();
+    let row = |row: &Value| {
+        let age_s = row["age_s"].as_f64().unwrap();
+        (age_s, row["rssi_dbm"].as_i64().unwrap())
+    };
+    let [there, back] = ["there", "back"].map(|way| read[way].as_array().unwrap());
+    (there.iter().map(row).collect(), back.len())
+}
+
+#[test]
+fn how_strongly_a_pair_was_heard_is_told_of_the_minutes_before_the_moment_that_a_page_looks_at() {
+    let mut server = server();
+    let mut say =
+        |at_s: f64, receiver: u8, transmitter: u8, sequence: u64, rssi_dbm: Option<i16>| {
+            let sample = Sample {
+                sequence,
+                heard_at_ns: (at_s * 1e9) as u64,
+                transmitter: VehicleId(transmitter),
+                transmitter_pose: PoseReport::default(),
+                receiver_pose: PoseReport::default(),
+                channel: 20,
+                power_dbm: 0,
+                rssi_dbm,
+            };
+            let batch = Samples {
+                vehicle: VehicleId(receiver),
+                boot: Boot(1),
+                run: RunId(1),
+                samples: vec![sample],
+                lost: Vec::new(),
+            };
+            server.hear(at(at_s), &heard(Message::Samples(batch)));
+        };
+    say(50.0, 1, 2, 1, Some(-40));
+    // Of a second the last one; what was missed, others have heard, or is said again is none.
+    say(200.1, 1, 2, 2, Some(-50));
+    say(200.9, 1, 2, 3, Some(-60));
+    say(250.0, 1, 2, 4, None);
+    say(251.0, 1, 3, 5, Some(-51));
+    say(252.0, 2, 1, 1, Some(-52));
+    say(253.0, 1, 2, 3, Some(-60));
+    // It was heard first before all that is told of the last moment.
+    say(300.0, 1, 2, 1, Some(-40));
+    say(390.0, 1, 2, 6, Some(-70));
+    let one = page(&mut server, 400.0, LOOK);
+    let two = page(&mut server, 400.0, LOOK);
+    drawn(&mut server, one, 400.0);
+    show(
+        &mut server,
+        one,
+        400.0,
+        r#"{"past":{"at_s":260,"speed":0}}"#,
+    );
+    drawn(&mut server, one, 400.0);
+    let then = vec![(210.0, -40), (59.1, -60)];
+    assert_eq!(told_of_pair(&server, Some(one)), (then, 1));
+    // What is more than five minutes ago is left out.
+    let now = (vec![(199.1, -60), (10.0, -70)], 1);
+    for page in [Some(two), None, Some(PageId(77))] {
+        assert_eq!(told_of_pair(&server, page), now);
+    }
+    let refused = server.pair(
+        at(400.0),
+        Some("Bearer nonsense"),
+        [1, 2].map(VehicleId),
+        None,
+    );
+    assert_eq!(refused, Err(GateRefusal::Token));
+}
+
 /// A look of a vehicle with one reading.
 fn look(vehicle: u8) -> HeardMessage {
     let reading = LookReading {

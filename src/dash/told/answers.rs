@@ -1,5 +1,5 @@
-//! What the server answers when a page asks for it: triangles of a scene, another run, who has seen a cell, why a pixel has its
-//! value.
+//! What the server answers when a page asks for it: triangles of a scene, another run, who has seen a cell, how strongly a pair
+//! was heard, why a pixel has its value.
 
 use serde::Serialize;
 
@@ -73,6 +73,25 @@ told! {
         /// Whether it may have been told before that.
         #[serde(rename = "mayBeOlder")]
         pub may_be_older: bool,
+    }
+
+    /// How strongly two vehicles heard each other before a moment: the last strength of each second in which one came, as far as
+    /// it is kept, oldest first.
+    pub struct ToldPairHistory {
+        /// The moment, seconds.
+        pub at_s: f64,
+        /// How the one heard the other.
+        pub there: Vec<ToldStrength>,
+        /// How the other heard the one.
+        pub back: Vec<ToldStrength>,
+    }
+
+    /// How strongly somebody was heard.
+    pub struct ToldStrength {
+        /// How long ago this program heard of it, seconds.
+        pub age_s: f64,
+        /// The strength.
+        pub rssi_dbm: i16,
     }
 
     /// Why a pixel has its value: the links that made it.

@@ -283,6 +283,24 @@ fn who_does_not_follow_its_plan_is_planned_for_anew() {
     );
 }
 
+#[test]
+fn who_does_not_follow_its_plan_is_a_trouble_after_a_while() {
+    let mut station = station();
+    shows(&mut station, 0.1, RUN, OrderKind::Start);
+    let planned_s = plan(&mut station, 1);
+    let are_missed = |station: &Station, after_s: f64| {
+        let parts = station.parts_to_report(Time::from_secs_f64(planned_s + after_s));
+        let troubles = parts.report().troubles;
+        troubles.contains(&"do not follow their plan yet: vehicle 1".to_owned())
+    };
+    assert_eq!(
+        [2.9, 3.1].map(|after_s| are_missed(&station, after_s)),
+        [false, true]
+    );
+    fed(&mut station, planned_s + 3.2, progress(2, None));
+    assert!(!are_missed(&station, 3.3));
+}
+
 fn starts(out: &[Out]) -> bool {
     let is_start = |out: &Out| {
         let Out::Publish(Message::Order(order)) = out else {

@@ -25,11 +25,11 @@ use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 use tokio_rustls::rustls::ServerConfig;
-use tomoswarm_proto::{RunId, Sender};
+use tomoswarm_proto::{RunId, Sender, VehicleId};
 
 use self::feeds::{feed, foxglove};
 use self::looks::{
-    cell, export, ghost, links, mesh, metrics, places, preflight, settings, waypoints, why,
+    cell, export, ghost, links, mesh, metrics, pair, places, preflight, settings, waypoints, why,
 };
 use self::posted::{mark, order};
 use super::connections::{ConnectionPlace, PlainListener};
@@ -160,6 +160,8 @@ pub(super) enum LookWord {
     Ghost,
     /// Who has seen a cell of the map, JSON.
     Cell(CellQuestion),
+    /// How strongly two vehicles heard each other, JSON, before the moment that a page looks at.
+    Pair([VehicleId; 2], Option<PageId>),
     /// What is set, by this process or by a node, TOML with the meaning of each key.
     Settings(Option<Sender>),
     /// Every key that can be set with its default and what is allowed, Markdown.
@@ -292,6 +294,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/preflight", get(preflight))
         .route("/mesh", get(mesh))
         .route("/cell", get(cell))
+        .route("/pair", get(pair))
         .route("/ghost", get(ghost))
         .route("/settings", get(settings))
         .route("/links", get(links))

@@ -243,6 +243,7 @@ impl Pages {
                     LookWord::Mesh => self.server.mesh(token),
                     LookWord::Ghost => self.server.ghost(token),
                     LookWord::Cell(asked) => self.server.cell(now, token, asked),
+                    LookWord::Pair(pair, page) => self.server.pair(now, token, pair, page),
                     LookWord::Settings(of) => self.server.settings(token, of),
                     LookWord::Keys => self.server.keys(token),
                     LookWord::Waypoints(places, format) => {

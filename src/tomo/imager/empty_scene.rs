@@ -1,10 +1,11 @@
 //! What stood there in the empty sweep: its image, which is made once for one empty sweep.
 //!
 //! It says where there is room for a change ([`super::super::room`]), and what of a link's loss is the same in both sweeps
-//! ([`super::super::calibrate`]).
+//! ([`super::super::empty_sweep`]).
 
 use serde::{Deserialize, Serialize};
 
+use super::super::empty_sweep::EmptyLinks;
 use super::super::error::TomoError;
 use super::super::map_solver::MapSettings;
 use super::super::settings::{ImagingSettings, Solver};
@@ -42,6 +43,14 @@ impl EmptyScene {
             empty: empty.to_vec(),
             structure,
         })
+    }
+
+    /// Returns the links that it was made from, with their image.
+    pub(super) fn links(&self) -> EmptyLinks<'_> {
+        EmptyLinks {
+            links: &self.empty,
+            structure: self.structure.as_ref(),
+        }
     }
 
     /// Returns whether it is that of these links, or of such whose strengths differ by so much at most, dB.

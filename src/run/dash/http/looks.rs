@@ -1,5 +1,5 @@
-//! Answers that change nothing: metrics, checks, settings, files, who has seen a cell. Whoever asks must say a token of the
-//! server.
+//! Answers that change nothing: metrics, checks, settings, files, who has seen a cell, how a pair was heard. Whoever asks must
+//! say a token of the server.
 
 use std::sync::Arc;
 
@@ -108,6 +108,27 @@ fn cell_asked(uri: &Uri) -> Option<CellQuestion> {
         slice,
         page: page.map(PageId),
     })
+}
+
+/// How strongly two vehicles heard each other: `one=NUMBER&other=NUMBER`, perhaps `page=NUMBER`.
+pub(super) async fn pair(
+    State(shared): State<Arc<Shared>>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Response {
+    match pair_asked(&uri) {
+        Some((pair, page)) => look(&shared, LookWord::Pair(pair, page), &headers, JSON_TYPE).await,
+        None => {
+            let expected = "one=NUMBER&other=NUMBER is expected, and perhaps page=NUMBER";
+            refused(&GateRefusal::Unreadable(expected.to_owned()))
+        }
+    }
+}
+
+fn pair_asked(uri: &Uri) -> Option<([VehicleId; 2], Option<PageId>)> {
+    let vehicle = |key| Some(VehicleId(value_of(uri, key)?.parse().ok()?));
+    let page = value_of(uri, "page").map(str::parse).transpose().ok()?;
+    Some(([vehicle("one")?, vehicle("other")?], page.map(PageId)))
 }
 
 /// Returns what a key has in an address.
