@@ -1,3 +1,5 @@
+//! What an empty sweep says of links, asked again and again.
+
 use super::*;
 use crate::geom::{Point, Rect};
 use crate::tomo::link_noise::strength_of;
