@@ -3,8 +3,8 @@
 //! [`board`] keeps the newest of everything that was heard, [`outbox`] chooses what goes to one page next, [`frame`] says which
 //! bytes that is and [`told`] what its texts say, [`timetable`], [`radio`] and [`events`] make of what was heard the plans
 //! against time, who hears whom, and what happened, [`links`] and [`why`] what made a pixel, [`marks`] where somebody truly
-//! stands, [`scene_mesh`] what stands in a simulation, [`cell_view`] who has seen a cell, [`pair_history`] how strongly a pair was heard, [`ghost`] where another run was,
-//! [`history`] keeps what was told and [`playback`] shows another time of it, [`gate`] judges who may look and order, and
+//! stands, [`scene_mesh`] what stands in a simulation, [`cell_view`] who has seen a cell, [`pair_history`] how strongly a pair
+//! was heard, [`ghost`] where another run was, [`history`] keeps what was told and [`playback`] shows another time of it, [`gate`] judges who may look and order, and
 //! [`page_server`] joins them:
 //! it is told what was heard, what pages and requests say, and the time, and says what is to be sent, told to the operator,
 //! and published. Nothing here opens a port; the server around it is `run/dash`, the page is `web/`.

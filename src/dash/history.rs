@@ -127,8 +127,7 @@ impl History {
     /// Returns the newest board that is kept of those that were told nothing at a moment or after it, and the moment before
     /// which it was told everything; `None` = nothing was told.
     pub fn board_before(&self, moment: Time) -> Option<(&BoardSnapshot, Time)> {
-        let later = self.parts.partition_point(|part| part.from() <= moment);
-        let part = self.parts.get(later.saturating_sub(1))?;
+        let part = self.parts_from(moment).next()?;
         Some((part.board(), part.from()))
     }
 
@@ -143,9 +142,8 @@ impl History {
         until: Time,
         most: usize,
     ) -> Time {
-        let later = self.parts.partition_point(|part| part.from() <= from);
         let (mut told, mut told_at) = (0, from);
-        for part in self.parts.iter().skip(later.saturating_sub(1)) {
+        for part in self.parts_from(from) {
             if part.from() >= until {
                 return until;
             }
@@ -170,9 +168,8 @@ impl History {
 
     /// Tells the samples that were told from a moment on and before another, as far as they are kept, oldest first.
     pub fn each_samples(&self, from: Time, until: Time, take: &mut dyn FnMut(Time, &Samples)) {
-        let first = self.parts.partition_point(|part| part.from() <= from);
         let mut inflated = InflatedPart::default();
-        for part in self.parts.iter().skip(first.saturating_sub(1)) {
+        for part in self.parts_from(from) {
             if part.from() >= until {
                 return;
             }
@@ -186,6 +183,12 @@ impl History {
                 }
             }
         }
+    }
+
+    /// Returns the part in which a moment lies, or else the first one, and those after it.
+    fn parts_from(&self, moment: Time) -> impl Iterator<Item = &Part> {
+        let later = self.parts.partition_point(|part| part.from() <= moment);
+        self.parts.iter().skip(later.saturating_sub(1))
     }
 
     /// Begins a part when the newest one is full; never between two inputs of the same time.

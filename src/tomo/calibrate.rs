@@ -1,6 +1,7 @@
 //! From signal strengths to attenuations: by an empty sweep where there is one, by a fitted path loss otherwise.
 //!
-//! What a link had in the empty sweep says [`super::empty_sweep`]. Every link that is not used is counted with its reason. Nothing is imaged here.
+//! What a link had in the empty sweep says [`super::empty_sweep`]. Every link that is not used is counted with its reason.
+//! Nothing is imaged here.
 
 use std::collections::BTreeMap;
 

@@ -127,10 +127,8 @@ impl EmptySweep {
 
     /// Returns whether it was made from the same.
     fn is_of(&self, empty: EmptyLinks<'_>, conditions: Conditions) -> bool {
-        let pairs = || self.links.iter().zip(empty.links);
         self.conditions == conditions
-            && self.links.len() == empty.links.len()
-            && pairs().all(|(own, its)| own.is_same(its, 0.0))
+            && Link::are_same(&self.links, empty.links, 0.0)
             && self.structure.as_ref() == empty.structure
     }
 

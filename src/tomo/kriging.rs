@@ -48,7 +48,7 @@ pub(super) struct Level {
 }
 
 /// The levels of the empty sweep, to be asked for any link.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct LevelField {
     scale_m: f64,
     /// In both orders: the second half has the ends exchanged.

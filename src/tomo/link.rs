@@ -71,7 +71,7 @@ impl Link {
 
     /// Returns whether both say the same, strength and spread within so much, dB; two that were never heard have no strength,
     /// and say the same of it.
-    pub(super) fn is_same(&self, other: &Link, within_db: f64) -> bool {
+    fn is_same(&self, other: &Link, within_db: f64) -> bool {
         let but_for_strength = |link: &Link| Link {
             mean_dbm: 0.0,
             spread_db: 0.0,
@@ -83,6 +83,12 @@ impl Link {
         is_near(self.mean_dbm, other.mean_dbm)
             && is_near(self.spread_db, other.spread_db)
             && but_for_strength(self) == but_for_strength(other)
+    }
+
+    /// Returns whether links say the same as others, one to one; see [`Self::is_same`].
+    pub(super) fn are_same(links: &[Link], others: &[Link], within_db: f64) -> bool {
+        let mut pairs = links.iter().zip(others);
+        links.len() == others.len() && pairs.all(|(own, its)| own.is_same(its, within_db))
     }
 
     /// Returns the pooled packets of this link and another one whose ends lie near this one's, in this order.

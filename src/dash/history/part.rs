@@ -3,14 +3,12 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use tomoswarm_proto::Message;
 use tomoswarm_proto::codec::{self, EncodeError};
 
 use super::board_snapshot::BoardSnapshot;
 use super::deflate::{deflate, inflate};
 use super::packed_input::{PackedInput, Replaced, replaced};
 use crate::dash::board::BoardInput;
-use crate::operator::HeardMessage;
 use crate::time::Time;
 
 /// A part is full with so many inputs, or so many bytes of them: a page that looks back has one of them uncompressed.
@@ -85,10 +83,7 @@ impl Part {
             debug_assert!(false, "it is compressed");
             return Ok(0);
         };
-        let is_samples = matches!(
-            input,
-            BoardInput::Heard(HeardMessage::Message(_, Message::Samples(_)))
-        );
+        let is_samples = matches!(replaced(input), Some(Replaced::Samples(_)));
         let input = PackedInput {
             at,
             stays,

@@ -22,7 +22,7 @@ use crate::tomo::{Image, Link};
 const MOST_WEIGHTS: usize = 1 << 22;
 
 /// An empty sweep whose ends were driven.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct DrivenSweep {
     field: LevelField,
     exponent: f64,

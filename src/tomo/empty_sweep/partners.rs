@@ -23,7 +23,7 @@ pub(super) struct Entry {
 }
 
 /// The links of an empty sweep between fixed places, searchable by place.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Partners {
     pairing_m: f64,
     entries: BTreeMap<BinKey, Entry>,

@@ -55,7 +55,6 @@ impl EmptyScene {
 
     /// Returns whether it is that of these links, or of such whose strengths differ by so much at most, dB.
     pub(super) fn is_of(&self, links: &[Link], within_db: f64) -> bool {
-        let pairs = || self.empty.iter().zip(links);
-        self.empty.len() == links.len() && pairs().all(|(own, link)| own.is_same(link, within_db))
+        Link::are_same(&self.empty, links, within_db)
     }
 }
