@@ -58,8 +58,8 @@ pub struct ReceivedFrame {
     pub heard: Option<HeardMessage>,
     /// What follows for taking part.
     pub verdict: JoinEffect,
-    /// A frame that answers it, to be sent now.
-    pub reply: Option<OutboundFrame>,
+    /// Frames to be sent now, one that answers it first.
+    pub replies: Vec<OutboundFrame>,
 }
 
 /// What an exchange has carried so far.
@@ -135,7 +135,7 @@ impl Exchange {
             return Ok(ReceivedFrame {
                 heard: None,
                 verdict: JoinEffect::Fine,
-                reply: None,
+                replies: Vec::new(),
             });
         }
         if let Some(plausibility) = &mut self.plausibility {
@@ -147,11 +147,11 @@ impl Exchange {
             verdict,
             answer,
         } = self.presence.hear(now, heard);
-        let reply = answer.and_then(|hello| self.offer_greeting(now, hello));
+        let greeting = answer.map(|hello| self.offer_greeting(now, hello));
         Ok(ReceivedFrame {
             heard,
             verdict,
-            reply,
+            replies: greeting.unwrap_or_default(),
         })
     }
 
@@ -160,23 +160,19 @@ impl Exchange {
         self.ingress.refuse(sender, refusal)
     }
 
-    /// Takes a message that the node says: returns the frame that is to be sent now. Otherwise it waits for its turn, or it
-    /// is dropped, since the node does not take part yet.
+    /// Takes a message that the node says: returns the frames that are to be sent now. Otherwise it waits for its turn or for
+    /// another one to travel with, or it is dropped, since the node does not take part yet.
     ///
     /// # Errors
     /// The message is too long for a frame.
-    pub fn say(
-        &mut self,
-        now: Time,
-        message: &Message,
-    ) -> Result<Option<OutboundFrame>, EncodeError> {
+    pub fn say(&mut self, now: Time, message: &Message) -> Result<Vec<OutboundFrame>, EncodeError> {
         Ok(self.offer(now, OutboundFrame::of(message)?))
     }
 
     /// Takes a frame as [`Exchange::say`] does.
-    pub fn offer(&mut self, now: Time, frame: OutboundFrame) -> Option<OutboundFrame> {
+    pub fn offer(&mut self, now: Time, frame: OutboundFrame) -> Vec<OutboundFrame> {
         if !self.presence.may_say(frame.topic.kind) {
-            return None;
+            return Vec::new();
         }
         if let Some(plausibility) = &mut self.plausibility {
             plausibility.know(now, frame.numbers);
@@ -186,9 +182,9 @@ impl Exchange {
 
     /// Returns all that is to be sent now: a greeting when it is time, and what has waited for its turn.
     pub fn due(&mut self, now: Time) -> Vec<OutboundFrame> {
-        let greeting = self.greet(now);
-        let waited = std::iter::from_fn(|| self.egress.due(now));
-        greeting.into_iter().chain(waited).collect()
+        let mut due = self.greet(now);
+        due.extend(std::iter::from_fn(|| self.egress.due(now)));
+        due
     }
 
     /// Returns when [`Exchange::due`] has something again; `None` when nothing waits and the node does not greet.
@@ -199,10 +195,10 @@ impl Exchange {
             .min()
     }
 
-    /// Returns a greeting when it is time, to be sent now; also ends the asking when nobody has objected.
-    pub fn greet(&mut self, now: Time) -> Option<OutboundFrame> {
-        let hello = self.presence.greet(now)?;
-        self.offer_greeting(now, hello)
+    /// Returns a greeting when it is time, and what goes with it, to be sent now; also ends the asking when nobody has objected.
+    pub fn greet(&mut self, now: Time) -> Vec<OutboundFrame> {
+        let hello = self.presence.greet(now);
+        hello.map_or_else(Vec::new, |hello| self.offer_greeting(now, hello))
     }
 
     /// Returns when to greet next; `None` = never by itself.
@@ -238,9 +234,9 @@ impl Exchange {
     }
 
     /// A greeting always fits into a frame and never waits: it is a few words of the node's own.
-    fn offer_greeting(&mut self, now: Time, hello: Hello) -> Option<OutboundFrame> {
-        let frame = OutboundFrame::of(&Message::Hello(hello)).ok()?;
-        self.offer(now, frame)
+    fn offer_greeting(&mut self, now: Time, hello: Hello) -> Vec<OutboundFrame> {
+        let frame = OutboundFrame::of(&Message::Hello(hello));
+        frame.map_or_else(|_| Vec::new(), |frame| self.offer(now, frame))
     }
 }
 

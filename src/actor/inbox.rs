@@ -20,7 +20,7 @@ pub trait Input: Sized {
     /// Returns the class.
     fn class(&self) -> InputClass<Self::Key>;
 
-    /// Returns whether it may lie unread for a moment (live: 50 ms), so that several are read together and the actor's
+    /// Returns whether it may lie unread for a moment (live: 100 ms), so that several are read together and the actor's
     /// thread is not woken for each. What an actor takes the time of, or acts upon at once, must not wait.
     fn may_wait(&self) -> bool {
         false

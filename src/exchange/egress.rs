@@ -4,14 +4,18 @@
 //! Urgent frames go at once, whatever was sent before. Of the others the higher class goes first, and while a lower one
 //! waits it leaves that an eighth of what it sends: a map that is repaired for minutes holds up no samples. Of one topic only
 //! the newest is kept.
+//!
+//! What is said again and again *rides*: it waits for the next frame that goes at once, and goes with it, or after half a
+//! second by itself.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
 
 use tomoswarm_proto::codec::{EncodeError, encode};
-use tomoswarm_proto::{Message, Topic};
+use tomoswarm_proto::{Message, MessageKind, Topic};
 
 use super::plausibility::Numbers;
-use super::table::{Urgency, row};
+use super::table::{Ride, Urgency, row};
 use super::token_bucket::TokenBucket;
 use crate::time::Time;
 
@@ -20,6 +24,12 @@ const WAITING: usize = 1 << 20;
 /// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them. So are lines of its log,
 /// and parts of its settings.
 const BATCHES: usize = 2;
+/// What rides goes by itself after this long.
+const RIDES_WITHIN: Duration = Duration::from_millis(500);
+/// What rides presses as much as a state, with which it travels mostly: classes do not share a packet.
+const RIDES_AS: Urgency = Urgency::High;
+/// What says the same as this long ago is a repeat.
+const REPEATS_AFTER: Duration = Duration::from_millis(750);
 /// Of what a class sends, one part in so many is left to each class below that waits.
 const SHARE_BELOW: usize = 8;
 
@@ -32,6 +42,8 @@ pub struct OutboundFrame {
     pub topic: Topic,
     /// Whether a later frame of its topic takes its place.
     pub is_replaced: bool,
+    /// Whether it may wait a moment for another one to travel with.
+    pub rides: Ride,
     /// What others count on from.
     pub numbers: Numbers,
     /// The frame.
@@ -46,12 +58,12 @@ impl OutboundFrame {
     pub fn of(message: &Message) -> Result<OutboundFrame, EncodeError> {
         let (frame, topic) = (encode(message)?, Topic::of(message));
         let row = row(topic.kind);
-        let (class, is_replaced, numbers) = (row.class, row.is_replaced, Numbers::of(message));
         Ok(OutboundFrame {
-            class,
+            class: row.class,
             topic,
-            is_replaced,
-            numbers,
+            is_replaced: row.is_replaced,
+            rides: row.rides,
+            numbers: Numbers::of(message),
             frame,
         })
     }
@@ -79,6 +91,11 @@ impl WaitingClass {
         }
     }
 
+    fn withdraw(&mut self, topic: Topic) {
+        self.frames.retain(|frame| frame.topic != topic);
+        self.bytes = self.frames.iter().map(|frame| frame.frame.len()).sum();
+    }
+
     fn pop(&mut self) -> Option<OutboundFrame> {
         let frame = self.frames.pop_front()?;
         self.bytes -= frame.frame.len();
@@ -101,6 +118,10 @@ impl WaitingClass {
 pub struct Egress {
     budget: TokenBucket,
     waiting: BTreeMap<Urgency, WaitingClass>,
+    /// What waits for another frame to travel with, and until when.
+    riding: VecDeque<(Time, OutboundFrame)>,
+    /// What was said last, and when, of each kind of which repeats ride.
+    said: BTreeMap<MessageKind, (Time, Vec<u8>)>,
     dropped: u64,
 }
 
@@ -112,12 +133,66 @@ impl Egress {
         Egress {
             budget,
             waiting: BTreeMap::new(),
+            riding: VecDeque::new(),
+            said: BTreeMap::new(),
             dropped: 0,
         }
     }
 
-    /// Takes a frame: returns it when it may go at once, otherwise keeps it.
-    pub fn offer(&mut self, now: Time, offered: OutboundFrame) -> Option<OutboundFrame> {
+    /// Takes a frame: returns it when it may go at once, and what may go with it after it; otherwise keeps it.
+    pub fn offer(&mut self, now: Time, offered: OutboundFrame) -> Vec<OutboundFrame> {
+        if self.may_ride(now, &offered) {
+            self.let_ride(now, offered);
+            return Vec::new();
+        }
+        if offered.rides == Ride::Repeats {
+            self.withdraw(offered.topic);
+        }
+        let mut goes = Vec::from_iter(self.offer_alone(now, offered));
+        if !goes.is_empty() {
+            let riding = std::mem::take(&mut self.riding);
+            let riding = riding.into_iter();
+            goes.extend(riding.filter_map(|(_, frame)| self.offer_alone(now, frame)));
+        }
+        goes
+    }
+
+    /// Drops what has waited for company of a topic: what goes by itself is newer, and must not be overtaken.
+    fn withdraw(&mut self, topic: Topic) {
+        self.riding.retain(|(_, frame)| frame.topic != topic);
+        if let Some(waiting) = self.waiting.get_mut(&RIDES_AS) {
+            waiting.withdraw(topic);
+        }
+    }
+
+    fn may_ride(&mut self, now: Time, offered: &OutboundFrame) -> bool {
+        match offered.rides {
+            Ride::Never => false,
+            Ride::Always => true,
+            Ride::Repeats => {
+                let said = (now, offered.frame.clone());
+                let last = self.said.insert(offered.topic.kind, said);
+                last.is_some_and(|(at, frame)| {
+                    frame == offered.frame && now.since(at) >= REPEATS_AFTER
+                })
+            }
+        }
+    }
+
+    /// Keeps a frame until another one goes; of one topic only the newest, for as long as the first one of it would have been.
+    fn let_ride(&mut self, now: Time, offered: OutboundFrame) {
+        let mut riding = self.riding.iter_mut();
+        let offered = OutboundFrame {
+            class: RIDES_AS,
+            ..offered
+        };
+        match riding.find(|(_, known)| known.topic == offered.topic) {
+            Some((_, known)) => *known = offered,
+            None => self.riding.push_back((now + RIDES_WITHIN, offered)),
+        }
+    }
+
+    fn offer_alone(&mut self, now: Time, offered: OutboundFrame) -> Option<OutboundFrame> {
         if offered.class == Urgency::Urgent {
             self.budget.owe(now, offered.frame.len());
             return Some(offered);
@@ -136,6 +211,10 @@ impl Egress {
 
     /// Returns the next frame that may go now.
     pub fn due(&mut self, now: Time) -> Option<OutboundFrame> {
+        if self.riding.front().is_some_and(|(until, _)| *until <= now) {
+            let riding = std::mem::take(&mut self.riding);
+            riding.into_iter().for_each(|(_, frame)| self.keep(frame));
+        }
         let class = self.next_class()?;
         let waiting = self.waiting.get_mut(&class)?;
         if !self.budget.spend(now, waiting.next_bytes()?) {
@@ -154,7 +233,9 @@ impl Egress {
 
     /// Returns when the next frame may go; `None` when nothing waits.
     pub fn next(&self) -> Option<Time> {
-        self.next_class().map(|_| self.budget.next())
+        let waiting = self.next_class().map(|_| self.budget.next());
+        let riding = self.riding.front().map(|(until, _)| *until);
+        waiting.into_iter().chain(riding).min()
     }
 
     /// Returns how many frames were dropped because too much waited, or too many batches of one kind.
@@ -205,7 +286,7 @@ impl Egress {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{LayerId, MessageKind, MessageSubject, TileAddress, VehicleId};
+    use tomoswarm_proto::{LayerId, MessageSubject, TileAddress, VehicleId};
 
     /// The names of topics below, apart from tiles.
     const NAMES: [&str; 6] = ["first", "second", "order", "state", "samples", "tile"];
@@ -249,6 +330,7 @@ mod tests {
             class,
             topic,
             is_replaced: true,
+            rides: Ride::Never,
             numbers,
             frame: vec![0; bytes],
         }
@@ -260,12 +342,13 @@ mod tests {
         assert!(
             egress
                 .offer(Time::ZERO, frame(Urgency::Low, "first", 1000))
-                .is_some()
+                .len()
+                == 1
         );
         assert!(
             egress
                 .offer(Time::ZERO, frame(Urgency::Low, "second", 10))
-                .is_none()
+                .is_empty()
         );
         egress
     }
@@ -282,12 +365,13 @@ mod tests {
         assert!(
             egress
                 .offer(Time::ZERO, frame(Urgency::Urgent, "order", 100))
-                .is_some()
+                .len()
+                == 1
         );
         assert!(
             egress
                 .offer(Time::ZERO, frame(Urgency::High, "state", 100))
-                .is_none()
+                .is_empty()
         );
     }
 
@@ -300,7 +384,11 @@ mod tests {
             (Urgency::High, "state", 5),
             (Urgency::Normal, "tile/1", 7),
         ] {
-            assert!(egress.offer(Time::ZERO, frame(class, key, bytes)).is_none());
+            assert!(
+                egress
+                    .offer(Time::ZERO, frame(class, key, bytes))
+                    .is_empty()
+            );
         }
         assert_eq!(
             all_due(&mut egress),
@@ -317,12 +405,12 @@ mod tests {
                 is_replaced: false,
                 ..frame(Urgency::Low, "samples", number)
             };
-            assert!(egress.offer(Time::ZERO, batch).is_none());
+            assert!(egress.offer(Time::ZERO, batch).is_empty());
         }
         assert!(
             egress
                 .offer(Time::ZERO, frame(Urgency::Normal, "tile", 5))
-                .is_none()
+                .is_empty()
         );
         assert_eq!(egress.dropped(), 3);
         assert_eq!(
@@ -345,7 +433,7 @@ mod tests {
                     ..frame(Urgency::Low, "samples", number)
                 };
                 batch.topic.kind = kind;
-                assert!(egress.offer(Time::ZERO, batch).is_none());
+                assert!(egress.offer(Time::ZERO, batch).is_empty());
             }
         }
         assert_eq!(egress.dropped(), 9);
@@ -374,7 +462,7 @@ mod tests {
         let mut egress = spent();
         for number in 0..300 {
             let tile = frame(Urgency::Normal, &format!("tile/{number}"), 1000);
-            assert!(egress.offer(Time::ZERO, tile).is_none());
+            assert!(egress.offer(Time::ZERO, tile).is_empty());
         }
         let mut sent = BTreeMap::new();
         for second in 1..=200 {
@@ -422,7 +510,7 @@ mod tests {
         assert!(
             egress
                 .offer(Time::ZERO, frame(Urgency::High, "state", 1000))
-                .is_none()
+                .is_empty()
         );
         assert_eq!(all_due(&mut egress)[0], "state");
     }

@@ -42,6 +42,18 @@ pub struct Audience {
     pub operators: bool,
 }
 
+/// Whether a message may wait a moment for another one to travel with: what stands in one packet costs less than two, and
+/// wakes whoever hears it once.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Ride {
+    /// It goes by itself.
+    Never,
+    /// When it says again what was said a while ago; what is new, or is said again at once, goes by itself.
+    Repeats,
+    /// It is said again and again, and nobody acts on it within that moment.
+    Always,
+}
+
 /// What holds for all messages of one kind.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct MessageRule {
@@ -57,6 +69,8 @@ pub struct MessageRule {
     pub class: Urgency,
     /// Whether a later one of the same sender and topic takes the place of one that was not sent yet.
     pub is_replaced: bool,
+    /// Whether it may wait a moment for another one to travel with.
+    pub rides: Ride,
 }
 
 const ALL: Option<Audience> = Some(Audience {
@@ -100,6 +114,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::Urgent,
         is_replaced: true,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::State,
@@ -108,6 +123,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Never,
     },
     // Whoever holds a map may say tiles, digests and wants. Of two ground stations neither hears the other's: they learn
     // from the vehicles. An operator that shows the map asks everyone for what it lacks; it has nothing to tell of it.
@@ -118,6 +134,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: OPERATORS,
         class: Urgency::Normal,
         is_replaced: true,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::Digest,
@@ -126,6 +143,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: OPERATORS,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Always,
     },
     // Two wants of one layer may ask for different tiles.
     MessageRule {
@@ -135,6 +153,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::Normal,
         is_replaced: false,
+        rides: Ride::Never,
     },
     // A plan counts only together with those of all members, so every vehicle hears all.
     MessageRule {
@@ -144,6 +163,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::Mission,
@@ -152,6 +172,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Repeats,
     },
     MessageRule {
         kind: MessageKind::Order,
@@ -160,6 +181,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ADDRESSED,
         class: Urgency::Urgent,
         is_replaced: true,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::Samples,
@@ -168,6 +190,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: false,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::Have,
@@ -176,6 +199,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Always,
     },
     MessageRule {
         kind: MessageKind::Beacon,
@@ -184,6 +208,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: true,
+        rides: Ride::Never,
     },
     // Vehicles do not decide by how another one fares.
     MessageRule {
@@ -193,6 +218,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Normal,
         is_replaced: true,
+        rides: Ride::Always,
     },
     // The other ground's report says who holds the lease.
     MessageRule {
@@ -202,6 +228,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Never,
     },
     // Every node says on which stops are open: no cut in the network may keep them from anyone.
     MessageRule {
@@ -211,6 +238,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::Urgent,
         is_replaced: true,
+        rides: Ride::Repeats,
     },
     MessageRule {
         kind: MessageKind::Task,
@@ -219,6 +247,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::Image,
@@ -227,6 +256,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: true,
+        rides: Ride::Never,
     },
     // Who measures places from outside is an operator. A late one is of no use.
     MessageRule {
@@ -236,6 +266,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ADDRESSED,
         class: Urgency::High,
         is_replaced: true,
+        rides: Ride::Never,
     },
     // The ground station says a mark that it has stored. Two marks of one run are two places.
     MessageRule {
@@ -245,6 +276,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: GROUND,
         class: Urgency::Normal,
         is_replaced: false,
+        rides: Ride::Never,
     },
     // Said only while an operator asks for it. A late one is of no use. The ground station makes nothing of it: it hears all
     // that vehicles say under one key, unknown kinds too.
@@ -255,6 +287,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: true,
+        rides: Ride::Never,
     },
     // As a Look. Each message has lines of its own, or another part.
     MessageRule {
@@ -264,6 +297,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: false,
+        rides: Ride::Never,
     },
     MessageRule {
         kind: MessageKind::Settings,
@@ -272,6 +306,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: false,
+        rides: Ride::Never,
     },
 ];
 

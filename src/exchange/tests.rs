@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use tomoswarm_proto::codec::{VERSION, encode};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, LayerId, Lease, MessageKind, MissionProgress, OpenStops,
-    OperatorId, Order, OrderKind, Progress, Revision, RunId, SeenState, StopScope, TileAddress,
-    TileRequest, Topic, VehicleId,
+    Boot, EmergencyName, EmergencyStop, Have, LayerId, Lease, MessageKind, MissionProgress,
+    OpenStops, OperatorId, Order, OrderKind, Progress, Revision, RunId, SeenState, State,
+    StopScope, TileAddress, TileRequest, Topic, VehicleId,
 };
 
 use super::*;
@@ -135,7 +135,7 @@ impl Swarm {
             let Ok(ReceivedFrame {
                 heard,
                 verdict,
-                reply,
+                replies,
             }) = node.exchange.hear(self.now, sender, frame)
             else {
                 continue;
@@ -150,11 +150,26 @@ impl Swarm {
             if verdict != JoinEffect::Fine {
                 node.verdicts.push(verdict);
             }
-            reply
+            replies
                 .into_iter()
                 .for_each(|outbound| self.put(to, outbound.frame));
         }
     }
+}
+
+fn state(vehicle: u8, sequence: u64) -> Message {
+    Message::State(State {
+        vehicle: VehicleId(vehicle),
+        sequence,
+        ..State::default()
+    })
+}
+
+fn have(store: u64) -> Message {
+    Message::Have(Have {
+        store,
+        ..Have::default()
+    })
 }
 
 fn progress(vehicle: u8, run: u32) -> Message {
@@ -208,7 +223,7 @@ fn before_a_node_takes_part_it_only_greets() {
     swarm.run(seconds(0.3));
     assert!(swarm.nodes.iter().all(|node| node.exchange.is_member()));
     swarm.say(two, &progress(2, 2));
-    swarm.run(seconds(0.1));
+    swarm.run(seconds(0.6));
     assert!(
         swarm.nodes[three].has_heard(&progress(2, 2))
             && !swarm.nodes[three].has_heard(&progress(2, 1))
@@ -235,7 +250,7 @@ fn of_two_nodes_of_one_name_the_newcomer_leaves_and_the_other_goes_on() {
                 .any(|verdict| matches!(verdict, JoinEffect::Stays(_)))
         );
         swarm.say(first, &progress(2, 1));
-        swarm.run(seconds(0.1));
+        swarm.run(seconds(0.6));
         assert!(swarm.nodes[ground].has_heard(&progress(2, 1)));
     }
 }
@@ -328,15 +343,15 @@ fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
     let many = (SAVED_UP_S * f64::from(BYTES_PER_S) / frame.len() as f64) as usize;
     (0..many + 1000).for_each(|_| swarm.put(three, frame.clone()));
     swarm.say(ground, &order(OrderKind::Hold));
-    swarm.say(two, &progress(2, 1));
+    swarm.say(two, &state(2, 1));
     swarm.deliver_all();
     let by_ground = swarm.nodes[ground].exchange.counts();
     assert!((990..=1100).contains(&by_ground.refused), "{by_ground:?}");
     assert!(swarm.nodes[two].has_heard(&order(OrderKind::Hold)));
-    assert!(swarm.nodes[ground].has_heard(&progress(2, 1)));
+    assert!(swarm.nodes[ground].has_heard(&state(2, 1)));
     swarm.run(seconds(1.0));
     swarm.say(three, &progress(3, 1));
-    swarm.run(seconds(0.1));
+    swarm.run(seconds(0.6));
     assert!(
         swarm.nodes[ground].has_heard(&progress(3, 1)),
         "its share fills up again"
@@ -370,18 +385,131 @@ fn an_order_or_a_task_of_a_vehicle_and_what_is_said_in_anothers_name_are_refused
 fn when_the_budget_is_spent_orders_go_at_once_and_of_states_the_newest_goes_later() {
     let mut exchange = Exchange::new(1000, Presence::listening());
     exchange.speak();
-    let mut at_once = |message: &Message| exchange.say(Time::ZERO, message).unwrap().is_some();
-    let sent_before = (0..).take_while(|run| at_once(&progress(2, *run))).count() as u32;
+    let mut at_once = |message: &Message| !exchange.say(Time::ZERO, message).unwrap().is_empty();
+    let sent_before = (0..)
+        .take_while(|number| at_once(&state(2, *number)))
+        .count() as u64;
     assert!(sent_before > 10);
     assert!(at_once(&order(OrderKind::Hold)));
-    assert!(!at_once(&progress(2, 1_000_000)));
-    let newest = OutboundFrame::of(&progress(2, 1_000_000)).unwrap();
-    assert_eq!(newest.topic, Topic::of(&progress(2, 0)));
+    assert!(!at_once(&state(2, 1_000_000)));
+    let newest = OutboundFrame::of(&state(2, 1_000_000)).unwrap();
+    assert_eq!(newest.topic, Topic::of(&state(2, 0)));
     assert!(exchange.due(Time::ZERO).is_empty());
     let at = exchange.deadline().unwrap();
     assert!(at > Time::ZERO);
     assert_eq!(exchange.due(at), [newest]);
     assert_eq!(exchange.deadline(), None);
+}
+
+#[test]
+fn what_is_said_again_and_again_travels_with_the_next_state_or_after_half_a_second() {
+    let mut exchange = Exchange::new(BYTES_PER_S, Presence::listening());
+    exchange.speak();
+    let of = |message: &Message| OutboundFrame::of(message).unwrap();
+    let at = |ms| Time::ZERO + Duration::from_millis(ms);
+    for (ms, run) in [(0, 1), (100, 2)] {
+        assert_eq!(exchange.say(at(ms), &have(run)).unwrap(), []);
+    }
+    assert_eq!(exchange.due(at(150)), []);
+    assert_eq!(
+        exchange.say(at(200), &state(2, 1)).unwrap(),
+        [of(&state(2, 1)), of(&have(2))],
+        "the newest of its topic, behind what it travels with"
+    );
+    assert_eq!(exchange.deadline(), None);
+    for (ms, run) in [(1000, 3), (1400, 4)] {
+        exchange.say(at(ms), &have(run)).unwrap();
+        assert_eq!(
+            exchange.deadline(),
+            Some(at(1500)),
+            "a later one waits no longer"
+        );
+    }
+    assert_eq!(exchange.due(at(1499)), []);
+    assert_eq!(exchange.due(at(1500)), [of(&have(4))]);
+    assert_eq!(exchange.deadline(), None);
+    exchange.say(at(1600), &have(5)).unwrap();
+    assert_eq!(
+        exchange
+            .say(at(1600), &order(OrderKind::Hold))
+            .unwrap()
+            .len(),
+        2,
+        "also with what is urgent"
+    );
+}
+
+#[test]
+fn which_stops_are_open_travels_with_others_only_when_it_says_the_same_as_a_while_ago() {
+    let mut exchange = Exchange::new(BYTES_PER_S, Presence::listening());
+    exchange.speak();
+    let stop = EmergencyStop {
+        name: EmergencyName(0x1_0000),
+        scope: StopScope::All,
+        by: OperatorId(1),
+    };
+    let standing = |is_open: bool| {
+        Message::Standing(OpenStops {
+            open: is_open.then_some(stop).into_iter().collect(),
+            lifted: vec![],
+        })
+    };
+    let mut goes_at_once = |ms, is_open| {
+        let now = Time::ZERO + Duration::from_millis(ms);
+        !exchange.say(now, &standing(is_open)).unwrap().is_empty()
+    };
+    assert!(goes_at_once(0, false), "the first one");
+    assert!(
+        goes_at_once(25, false),
+        "said again at once, it may have been lost"
+    );
+    assert!(!goes_at_once(1025, false), "a repeat");
+    assert!(
+        goes_at_once(1050, false),
+        "the same at once again: somebody asks for it"
+    );
+    assert!(goes_at_once(2025, true), "a stop");
+    assert!(goes_at_once(2050, true));
+    assert!(!goes_at_once(3050, true));
+    assert!(goes_at_once(3060, false), "it is lifted");
+    let due = exchange.due(Time::ZERO + Duration::from_secs(9));
+    assert!(
+        due.is_empty(),
+        "the repeat that waited is not said after it"
+    );
+}
+
+#[test]
+fn what_travels_with_others_keeps_to_the_budget() {
+    let mut exchange = Exchange::new(1000, Presence::listening());
+    exchange.speak();
+    let at_once = |number: &u64, exchange: &mut Exchange| {
+        !exchange
+            .say(Time::ZERO, &state(2, *number))
+            .unwrap()
+            .is_empty()
+    };
+    assert!(
+        (0..)
+            .take_while(|number| at_once(number, &mut exchange))
+            .count()
+            > 10
+    );
+    exchange.say(Time::ZERO, &have(1)).unwrap();
+    let urgent = exchange.say(Time::ZERO, &order(OrderKind::Hold)).unwrap();
+    assert_eq!(urgent.len(), 1, "what is urgent alone");
+    let due: Vec<MessageKind> = std::iter::from_fn(|| {
+        let frames = exchange.due(exchange.deadline()?);
+        Some(
+            frames
+                .into_iter()
+                .map(|frame| frame.topic.kind)
+                .collect::<Vec<_>>(),
+        )
+    })
+    .flatten()
+    .collect();
+    assert_eq!(due, [MessageKind::State, MessageKind::Have], "none is lost");
 }
 
 #[test]
@@ -405,7 +533,10 @@ fn a_listener_hears_everyone_and_greetings_of_every_version() {
     let mut listener = Exchange::new(BYTES_PER_S, Presence::listening());
     assert_eq!(listener.deadline(), None);
     assert!(
-        listener.say(Time::ZERO, &progress(2, 1)).unwrap().is_none(),
+        listener
+            .say(Time::ZERO, &progress(2, 1))
+            .unwrap()
+            .is_empty(),
         "it does not speak"
     );
     let mut swarm = Swarm::default();
@@ -459,7 +590,7 @@ fn a_message_of_an_unknown_kind_is_counted_and_nothing_else_comes_of_it() {
     assert_eq!((refused, unknown, node.heard.len()), (0, 2, heard));
     assert_eq!(node.verdicts.len(), verdicts, "it is no objection");
     swarm.say(three, &progress(3, 2));
-    swarm.run(seconds(0.1));
+    swarm.run(seconds(0.6));
     assert!(
         swarm.nodes[two].has_heard(&progress(3, 2)),
         "its sender is listened to as before"

@@ -204,4 +204,12 @@ impl Input for In {
             In::Stops(_) => InputClass::Latest(3),
         }
     }
+
+    fn may_wait(&self) -> bool {
+        match self {
+            // It is read before the next beacon that is said or heard.
+            In::State(_) => true,
+            In::Heard(_) | In::Unsent(_) | In::Progress(_) | In::Measure(_) | In::Stops(_) => false,
+        }
+    }
 }

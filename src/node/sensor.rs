@@ -326,6 +326,14 @@ impl Input for In {
             In::Asked => InputClass::Latest(Key::Asked),
         }
     }
+
+    fn may_wait(&self) -> bool {
+        match self {
+            // It is read before the next ping, or the echo of the last one.
+            In::State(_) => true,
+            In::Echo(_) | In::Asked => false,
+        }
+    }
 }
 
 #[cfg(test)]

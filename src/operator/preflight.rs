@@ -21,8 +21,8 @@ use crate::geom::{Point, Polygon, Pose};
 use crate::node::mission;
 use crate::time::Time;
 
-/// A vehicle whose state is older is not fresh.
-const FRESH: Duration = Duration::from_secs(1);
+/// A vehicle whose state is older is not fresh: at rest two are said a second.
+const FRESH: Duration = Duration::from_millis(1500);
 /// Charge that a run begins with at least, 0 to 1.
 const BATTERY: f64 = 0.5;
 /// The pose deviation that is allowed where no file says it, metres.

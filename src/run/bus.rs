@@ -15,6 +15,8 @@
 //! are links (`bus/links.rs`). The library is never called with a lock of ours held: it may call us, or wait, with locks of
 //! its own.
 
+mod declared_keys;
+mod frame_checks;
 mod hearing;
 mod library_panics;
 mod links;
@@ -28,11 +30,13 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tomoswarm_proto::{Key, Message, Sender};
+use tomoswarm_proto::{Key, Message, Sender, Topic};
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
+use self::declared_keys::DeclaredKeys;
+use self::frame_checks::{under_its_key, whole};
 use self::hearing::{ReopenReason, SessionHearing};
 use self::library_panics::{PanicsSeen, guarded};
 use self::links::LinkCounter;
@@ -47,14 +51,14 @@ pub use crate::exchange::ingress::HeardMessage;
 use crate::exchange::ingress::{FrameRefusal, read};
 use crate::exchange::joining::JoinEffect;
 use crate::exchange::presence::Presence;
-use crate::exchange::table::Urgency;
+use crate::exchange::table::{Ride, Urgency};
 use crate::exchange::{Exchange, ReceivedFrame};
 use crate::time::Time;
 
 /// Between two tries to open a session.
 const RETRY: Duration = Duration::from_millis(300);
 /// The keeper looks at what was heard this often when there is nothing to send.
-const LOOKS_EVERY: Duration = Duration::from_secs(1);
+const LOOKS_EVERY: Duration = Duration::from_millis(500);
 /// A session that does not close within this time is left alone.
 const CLOSES_WITHIN: Duration = Duration::from_secs(1);
 
@@ -73,6 +77,7 @@ struct Shared {
     clock: Clock,
     troubles: Troubles,
     session: RwLock<Option<zenoh::Session>>,
+    keys: DeclaredKeys,
     /// Who may write what by the newest roster.
     access: Mutex<Vec<AccessRule>>,
     exchange: Mutex<Exchange>,
@@ -129,6 +134,7 @@ impl BusSession {
             clock,
             troubles,
             session: RwLock::new(None),
+            keys: DeclaredKeys::default(),
             exchange: Mutex::new(exchange),
             more: Condvar::new(),
             is_closing: AtomicBool::new(false),
@@ -214,11 +220,13 @@ impl Publisher {
         let Some(frame) = shared.frame(message) else {
             return;
         };
+        let rides = frame.rides != Ride::Never;
         let ready = lock(&shared.exchange).offer(shared.clock.now(), frame);
-        match ready {
-            Some(frame) => shared.send(frame),
-            None => shared.more.notify_one(),
+        // The keeper looks soon enough for what waits for company.
+        if ready.is_empty() && !rides {
+            shared.more.notify_one();
         }
+        ready.into_iter().for_each(|frame| shared.send(frame));
     }
 
     /// Greets when it is time, and learns whether somebody can hear it; returns when to be called again, `None` = never.
@@ -376,9 +384,19 @@ impl Shared {
                 self.close_session();
                 continue;
             }
+            self.declare_keys();
             self.drain();
         }
         self.close_session();
+    }
+
+    /// Tells the session of the keys that were used since it was told last.
+    fn declare_keys(&self) {
+        if let Some(session) = self.session()
+            && self.keys.declare_new(&session).is_none()
+        {
+            self.is_broken.store(true, Ordering::Relaxed);
+        }
     }
 
     /// Returns the session that is open, to be called without the lock.
@@ -423,6 +441,7 @@ impl Shared {
             .unwrap_or_else(PoisonError::into_inner)
             .take();
         let Some(session) = session else { return };
+        self.keys.forget();
         let (done, closed) = std::sync::mpsc::channel();
         let close = move || {
             let _ = session.close().wait();
@@ -490,6 +509,7 @@ impl Shared {
             }
         );
         let check = crc32fast::hash(&frame.frame).to_le_bytes();
+        self.keys.note(&key, frame.topic);
         let put = || {
             let put = session.put(&key, frame.frame).attachment(check);
             put.congestion_control(CongestionControl::Drop)
@@ -531,17 +551,20 @@ impl Shared {
             }
         };
         lock(&self.hearing).hear(now, sender);
+        if let HeardMessage::Message(_, message) = &heard {
+            self.keys.note(full_key, Topic::of(message));
+        }
         let reception = lock(&self.exchange).accept(now, bytes.len(), heard);
         let ReceivedFrame {
             heard,
             verdict,
-            reply,
+            replies,
         } = match reception {
             Ok(reception) => reception,
             Err(refusal) => return self.refuse(Some(sender), key, &refusal),
         };
         (self.subscriber)(heard, verdict);
-        reply.into_iter().for_each(|frame| self.send(frame));
+        replies.into_iter().for_each(|frame| self.send(frame));
     }
 
     /// Counts what is refused, and logs it when its number is a power of ten.
@@ -553,26 +576,6 @@ impl Shared {
                 sender.map_or("somebody".to_owned(), |sender| sender.to_string()),
             );
             tracing::warn!("refused {what} of {who} ({count} so far): {refusal} (under {key})");
-        }
-    }
-}
-
-/// Passes a frame whose checksum fits, or which has none.
-fn whole(bytes: &[u8], check: Option<&[u8]>) -> Result<(), FrameRefusal> {
-    match check.is_none_or(|check| check == crc32fast::hash(bytes).to_le_bytes()) {
-        true => Ok(()),
-        false => Err(FrameRefusal::Damaged),
-    }
-}
-
-/// Lets a message pass that came under the key that belongs to it; greetings are looked at wherever they come.
-fn under_its_key(heard: HeardMessage, key: &str) -> Result<HeardMessage, FrameRefusal> {
-    match &heard {
-        HeardMessage::Message(sender, message) if Key::of(*sender, message).to_string() != key => {
-            Err(FrameRefusal::NotItsToSay { sender: *sender })
-        }
-        HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => {
-            Ok(heard)
         }
     }
 }

@@ -2,8 +2,8 @@
 //! lets it act.
 //!
 //! The thread sleeps until something is unread or the actor's deadline has come; what may wait ([`Input::may_wait`]) is read
-//! with the next input that may not, or after 50 ms: while such inputs come the thread looks up by itself, and who tells it
-//! one need not wake it. At a *shared* mailbox whoever tells the
+//! with the next input that may not, or after 100 ms: who tells the thread one need not wake it when it looks up soon enough
+//! by itself, and while such inputs come it does. At a *shared* mailbox whoever tells the
 //! actor something lets it act at once, on its own thread, when nobody else does: waking a thread takes longer than joining
 //! a tile. It does so a few times at most: what others go on telling is left to the actor's thread, or a flood on one link
 //! would keep the thread that has another link to read. It keeps the actor contract by [`ActorCell`], as the simulator
@@ -33,7 +33,7 @@ use crate::time::Time;
 /// Inputs of the queue class that may wait.
 const INBOX: usize = 256;
 /// What may wait is read after this long, or sooner together with what may not.
-const LIES_UNREAD: Duration = Duration::from_millis(50);
+const LIES_UNREAD: Duration = Duration::from_millis(100);
 /// So often whoever tells a shared mailbox something lets the actor act, for what came meanwhile.
 const HELPS: usize = 4;
 /// A trouble that stays, with other words, is logged again after this long.
@@ -113,8 +113,10 @@ struct MailboxState<I> {
     is_pressing: bool,
     /// Whether something is unread that may.
     is_waiting: bool,
-    /// Whether the thread looks up by itself soon enough for what may wait; said by the thread alone.
+    /// Whether what it read last was some that may, and it expects more.
     is_watchful: bool,
+    /// When the thread looks up by itself; `None` = it does not sleep.
+    looks_up_by: Option<Instant>,
     is_closed: bool,
     /// Why the actor cannot go on.
     fault: Option<Fault>,
@@ -147,6 +149,7 @@ impl<I: Input> Mailbox<I> {
             is_pressing: false,
             is_waiting: false,
             is_watchful: false,
+            looks_up_by: None,
             is_closed: false,
             fault: None,
         });
@@ -171,10 +174,10 @@ impl<I: Input> Mailbox<I> {
         state.inbox.push(input);
         state.is_pressing |= !may_wait;
         state.is_waiting |= may_wait;
-        let is_seen = may_wait && state.is_watchful;
+        let sleeps_until = state.looks_up_by;
         drop(state);
         if may_wait {
-            if !is_seen {
+            if sleeps_until.is_some_and(|at| at > Instant::now() + LIES_UNREAD) {
                 self.unread.come.notify_one();
             }
             return;
@@ -220,6 +223,7 @@ impl<I: Input> Mailbox<I> {
         let mut state = lock(&self.unread.state);
         // After inputs that may wait further ones are expected.
         let mut looks_at = state.is_watchful.then(|| clock.now() + LIES_UNREAD);
+        let mut has_slept = false;
         loop {
             let until = Time::from_nanos(self.unread.deadline.load(Ordering::Relaxed));
             let now = clock.now();
@@ -228,22 +232,24 @@ impl<I: Input> Mailbox<I> {
             }
             let has_looked = looks_at.is_some_and(|at| at <= now);
             let is_due = state.is_pressing || state.fault.is_some() || until <= now;
-            if state.is_closed || is_due || (has_looked && state.is_waiting) {
+            let has_lain = state.is_waiting && (has_looked || has_slept);
+            if state.is_closed || is_due || has_lain {
                 state.is_watchful = state.is_waiting;
+                state.looks_up_by = None;
                 return !state.is_closed;
             }
             looks_at.take_if(|_| has_looked);
-            state.is_watchful = looks_at.is_some();
             let wait = until
                 .min(looks_at.unwrap_or(Time::NEVER))
                 .since(now)
                 .min(IDLE);
-            state = self
+            state.looks_up_by = Some(Instant::now() + wait);
+            let (woken, timeout) = self
                 .unread
                 .come
                 .wait_timeout(state, wait)
-                .unwrap_or_else(PoisonError::into_inner)
-                .0;
+                .unwrap_or_else(PoisonError::into_inner);
+            (state, has_slept) = (woken, timeout.timed_out());
         }
     }
 

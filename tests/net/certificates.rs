@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use tomoswarm::run::bus::BusSettings;
 use tomoswarm::run::live::processes::free_ports;
-use tomoswarm_proto::{Message, OperatorId, Sender, VehicleId, codec};
+use tomoswarm_proto::{Message, OperatorId, Sender, State, VehicleId, codec};
 
 use crate::member::{Member, progress, settings, within};
 use crate::raw::{Shows, Stranger};
@@ -212,8 +212,12 @@ fn a_link_with_certificates_carries_much_both_ways_at_once() {
             }
         })
     };
+    let state = State {
+        vehicle: VehicleId(1),
+        ..State::default()
+    };
     let floods = [
-        floods(&one, progress(1, 1)),
+        floods(&one, Message::State(state)),
         floods(&two, Message::Report(Default::default())),
     ];
     let mut lost = 0;

@@ -303,8 +303,7 @@ impl World {
         // An exchange encodes what it says; what it may not say it drops.
         let ready = exchange
             .say(self.now, &mark(node.name, number))
-            .ok()
-            .flatten();
+            .unwrap_or_default();
         ready
             .into_iter()
             .for_each(|outbound| self.send(number, outbound.frame));
@@ -363,7 +362,7 @@ impl World {
             self.nodes[*to].heard.insert(want.layer.boot.0 as usize);
         }
         reception
-            .reply
+            .replies
             .into_iter()
             .for_each(|outbound| self.send(*to, outbound.frame));
         if let JoinEffect::Refused(why) = reception.verdict {

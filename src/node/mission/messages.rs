@@ -400,8 +400,8 @@ impl Input for In {
     fn may_wait(&self) -> bool {
         match self {
             In::Peer(_) | In::PeerMission(_) | In::Sighted(_) | In::Heard(_) => true,
-            In::State(_)
-            | In::Plan(_)
+            In::State(state) => state.is_at_rest,
+            In::Plan(_)
             | In::Task(_)
             | In::Tile(_)
             | In::Progress(_)

@@ -21,6 +21,13 @@ use crate::time::Time;
 
 /// States are published this often while the mode stays the same.
 const PUBLISH_EVERY: Duration = Duration::from_millis(200);
+/// So often while the vehicle rests and says nothing new: each state wakes four threads of every other node. Two may be lost
+/// before others take it for silent.
+const PUBLISH_AT_REST_EVERY: Duration = Duration::from_millis(500);
+/// A place that is further off than this is news, metres.
+const MOVED_M: f64 = 0.1;
+/// A heading that is further off than this is news, radians.
+const TURNED_RAD: f64 = 0.1;
 
 /// A vehicle does not see when one of its range sensors has not answered for this long after a ping was due.
 const BLIND_AFTER: Duration = Duration::from_secs(1);
@@ -31,7 +38,7 @@ pub(super) struct Reports {
     sequence: u64,
     /// When recent states were made, to judge the age of orders by.
     made: StateAges,
-    published: Option<(Time, VehicleMode)>,
+    published: Option<(Time, State)>,
     accepted: (RunId, Revision),
     /// Why the mission stands still on its own, if it does.
     mission_holds: Option<StandReason>,
@@ -93,15 +100,42 @@ impl Reports {
         self.made.note(now, self.sequence);
     }
 
-    /// Returns whether a state is to be published now, and takes it for published.
-    fn publishes(&mut self, now: Time, mode: VehicleMode) -> bool {
-        let is_due = |(at, last)| mode != last || now.since(at) >= PUBLISH_EVERY;
-        let is_due = self.published.is_none_or(is_due);
-        if is_due {
-            self.published = Some((now, mode));
-        }
-        is_due
+    /// Returns whether a state of this mode may be published now, if it says something new.
+    fn may_publish(&self, now: Time, mode: VehicleMode) -> bool {
+        self.published
+            .as_ref()
+            .is_none_or(|(at, last)| mode != last.mode || now.since(*at) >= PUBLISH_EVERY)
     }
+
+    /// Returns whether a state that may be published is.
+    fn is_due(&self, now: Time, state: &State) -> bool {
+        self.published.as_ref().is_none_or(|(at, last)| {
+            is_news(last, state) || now.since(*at) >= PUBLISH_AT_REST_EVERY
+        })
+    }
+}
+
+/// Returns whether a state says of a vehicle what the last one did not: that it moves, is somewhere else, or is about to do
+/// something else.
+fn is_news(last: &State, state: &State) -> bool {
+    let is_place_new = match (last.pose.map(Pose::from), state.pose.map(Pose::from)) {
+        (Some(last), Some(now)) => {
+            let turned = (now.heading - last.heading).radians().abs();
+            last.at.distance_to(now.at) > MOVED_M || turned > TURNED_RAD
+        }
+        (last, now) => last.is_some() != now.is_some(),
+    };
+    // What a sensor says of a vehicle at rest trembles.
+    let trembling = State {
+        sequence: last.sequence,
+        pose: last.pose,
+        roll: last.roll,
+        pitch: last.pitch,
+        velocity: last.velocity,
+        battery: last.battery,
+        ..state.clone()
+    };
+    !state.is_at_rest || is_place_new || trembling != *last
 }
 
 impl Vehicle {
@@ -109,8 +143,12 @@ impl Vehicle {
     pub(super) fn report(&mut self, now: Time, telemetry: &Telemetry, out: &mut Vec<Out>) {
         self.reports.begin(now);
         let state = self.state(now, telemetry);
-        if self.reports.publishes(now, state.mode) {
-            out.push(Out::Publish(self.on_wire(&state)));
+        if self.reports.may_publish(now, state.mode) {
+            let on_wire = self.on_wire(&state);
+            if self.reports.is_due(now, &on_wire) {
+                self.reports.published = Some((now, on_wire.clone()));
+                out.push(Out::Publish(on_wire));
+            }
         }
         out.push(Out::State(state));
     }

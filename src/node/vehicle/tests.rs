@@ -1023,6 +1023,71 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
     assert_eq!((state.roll, state.pitch), (Tilt(1000), Tilt(-200)));
 }
 
+/// Feeds telemetry ten times a second from a moment on; returns how many states are published in so many seconds.
+fn published_in(vehicle: &mut Vehicle, from_s: f64, span_s: u32, of: impl Fn(f64) -> In) -> usize {
+    let ticks = (0..span_s * 10).map(|tick| from_s + f64::from(tick) / 10.0);
+    ticks
+        .filter(|now_s| states(&fed(vehicle, *now_s, of(*now_s))).0.is_some())
+        .count()
+}
+
+#[test]
+fn a_vehicle_at_rest_says_its_state_twice_a_second_and_news_at_once_or_with_the_next() {
+    let telemetry_of = |x_m: f64, motion, sd_m| {
+        In::Telemetry(Telemetry {
+            pose: Pose {
+                at: Point::new(x_m, 0.0),
+                heading: Angle::default(),
+                sd_m,
+            },
+            flight_state: Default::default(),
+            speed_mps: 0.0,
+            battery: Some(0.9),
+            motion,
+            is_armed: true,
+            stored: None,
+        })
+    };
+    let mut vehicle = vehicle();
+    let rests = |now_s: f64| telemetry_of(0.03 * now_s.sin(), Motion::Resting, 0.05);
+    assert_eq!(
+        published_in(&mut vehicle, 2.0, 10, rests),
+        20,
+        "its place trembles"
+    );
+    let drives = |_| telemetry_of(0.0, Motion::Driving, 0.05);
+    assert_eq!(published_in(&mut vehicle, 12.0, 10, drives), 50);
+    let is_carried = |now_s: f64| telemetry_of(now_s, Motion::Resting, 0.05);
+    let carried = published_in(&mut vehicle, 22.0, 10, is_carried);
+    assert!(
+        (49..=51).contains(&carried),
+        "{carried}: it is somewhere else each time"
+    );
+    published_in(&mut vehicle, 32.0, 1, rests);
+    let (nothing, _) = states(&fed(&mut vehicle, 33.0, rests(33.0)));
+    let (arms, _) = states(&fed(
+        &mut vehicle,
+        33.1,
+        telemetry_of(0.0, Motion::Turning, 0.05),
+    ));
+    assert!(
+        nothing.is_some() && arms.is_some(),
+        "another mode is said at once"
+    );
+    published_in(&mut vehicle, 34.0, 2, rests);
+    let lost = |_| telemetry_of(0.0, Motion::Resting, f64::INFINITY);
+    let mut said = (0..5).filter_map(|tick| {
+        let now_s = 36.0 + f64::from(tick) / 10.0;
+        states(&fed(&mut vehicle, now_s, lost(now_s))).0
+    });
+    let first = said.next().unwrap();
+    assert_eq!(
+        first.stands_under,
+        Some(StandReason::NoPlace),
+        "within 200 ms"
+    );
+}
+
 #[test]
 fn a_state_says_why_the_vehicle_does_not_go_on() {
     let stands_under = |input: In| {

@@ -140,7 +140,7 @@ fn a_sound_swarm_is_go() {
 
 #[test]
 fn each_check_of_a_vehicle_can_refuse() {
-    wrong(|swarm| swarm.states[0].0 = 8.9, &["vehicle 1: bus"]);
+    wrong(|swarm| swarm.states[0].0 = 8.4, &["vehicle 1: bus"]);
     wrong(
         |swarm| swarm.hellos[1].software = "0.2.0".to_owned(),
         &["vehicle 2: software"],

@@ -120,7 +120,7 @@ impl Network {
         if !of_node.is_joined() {
             return;
         }
-        if let Some(frame) = of_node.say(schedule.now(), message) {
+        for frame in of_node.say(schedule.now(), message) {
             self.send(node, &frame, schedule);
         }
         self.set_alarm(node, schedule);
@@ -158,7 +158,7 @@ impl Network {
         let ReceivedFrame {
             heard,
             verdict,
-            reply,
+            replies,
         } = match self.at(node).hear(schedule.now(), frame) {
             Ok(reception) => reception,
             Err(line) => {
@@ -168,7 +168,7 @@ impl Network {
                 };
             }
         };
-        if let Some(reply) = reply {
+        for reply in replies {
             self.send(node, &reply, schedule);
         }
         self.set_alarm(node, schedule);

@@ -524,9 +524,12 @@ proptest! {
             prop_assert!(range_m.is_some_and(|range_m| range_m <= rays_m + 1e-6), "{range_m:?} {rays_m}");
         }
         if let Some(range_m) = range_m && !is_cone {
-            // Nothing at all is nearer. (What a cone says has been met by a ray.)
+            // Nothing at all is nearer. (What a cone says has been met by a ray.) What the fan's plane cuts the top of may stand
+            // between two rays: one that leans a little more or less meets more of it.
             let all = RangeModel { incidence_max_rad: 90f64.to_radians(), half_angle_rad: model.half_angle_rad + 1e-3, ..model };
-            let nearest_m = by_rays(all, &eye, around, across);
+            let more = [(0.0, 0.0), (0.02, 0.0), (-0.02, 0.0), (0.0, 0.02), (0.0, -0.02)];
+            let eyes = more.map(|(roll, pitch)| leaning(roll_deg + roll, pitch_deg + pitch, 0.8, 0.0));
+            let nearest_m = eyes.iter().filter_map(|eye| by_rays(all, eye, around, across)).min_by(f64::total_cmp);
             prop_assert!(nearest_m.is_none_or(|nearest_m| range_m > nearest_m - 0.01), "{range_m} {nearest_m:?}");
         }
     }

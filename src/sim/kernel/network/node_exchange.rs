@@ -116,10 +116,12 @@ impl NodeExchange {
     }
 
     /// Takes what the node says; returns what goes out at once.
-    pub(super) fn say(&mut self, now: Time, message: &Message) -> Option<OutboundFrame> {
-        let exchange = self.exchange.as_mut()?;
+    pub(super) fn say(&mut self, now: Time, message: &Message) -> Vec<OutboundFrame> {
+        let Some(exchange) = self.exchange.as_mut() else {
+            return Vec::new();
+        };
         // A message too long for a frame is dropped here as a live bus would drop it.
-        exchange.say(now, message).ok().flatten()
+        exchange.say(now, message).unwrap_or_default()
     }
 
     /// Does what is due; returns what goes out, and whether it takes part from now on. `is_linked` = somebody can hear it.
