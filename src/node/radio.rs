@@ -207,8 +207,8 @@ impl Input for In {
 
     fn may_wait(&self) -> bool {
         match self {
-            // It is read before the next beacon that is said or heard.
-            In::State(_) => true,
+            // The time of a place is when it is read: only that of a vehicle at rest may wait.
+            In::State(state) => state.is_at_rest,
             In::Heard(_) | In::Unsent(_) | In::Progress(_) | In::Measure(_) | In::Stops(_) => false,
         }
     }

@@ -329,8 +329,8 @@ impl Input for In {
 
     fn may_wait(&self) -> bool {
         match self {
-            // It is read before the next ping, or the echo of the last one.
-            In::State(_) => true,
+            // The time of a place is when it is read: only that of a vehicle at rest may wait.
+            In::State(state) => state.is_at_rest,
             In::Echo(_) | In::Asked => false,
         }
     }
