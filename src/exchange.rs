@@ -180,6 +180,11 @@ impl Exchange {
         self.egress.offer(now, frame)
     }
 
+    /// Returns whether something newer was offered in the place of a frame that is about to be sent.
+    pub fn is_outdated(&self, frame: &OutboundFrame) -> bool {
+        self.egress.is_outdated(frame)
+    }
+
     /// Returns all that is to be sent now: a greeting when it is time, and what has waited for its turn.
     pub fn due(&mut self, now: Time) -> Vec<OutboundFrame> {
         let mut due = self.greet(now);

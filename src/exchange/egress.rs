@@ -5,17 +5,17 @@
 //! waits it leaves that an eighth of what it sends: a map that is repaired for minutes holds up no samples. Of one topic only
 //! the newest is kept.
 //!
-//! What is said again and again *rides*: it waits for the next frame that goes at once, and goes with it, or after half a
-//! second by itself.
+//! What is said again and again *piggybacks*: it waits for the next frame that goes at once, and goes with it, or after half
+//! a second by itself.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use tomoswarm_proto::codec::{EncodeError, encode};
-use tomoswarm_proto::{Message, MessageKind, Topic};
+use tomoswarm_proto::{Message, Topic};
 
 use super::plausibility::Numbers;
-use super::table::{Ride, Urgency, row};
+use super::table::{Piggyback, Urgency, row};
 use super::token_bucket::TokenBucket;
 use crate::time::Time;
 
@@ -24,10 +24,10 @@ const WAITING: usize = 1 << 20;
 /// Batches of samples that may wait; further ones are dropped, since their vehicle repeats them. So are lines of its log,
 /// and parts of its settings.
 const BATCHES: usize = 2;
-/// What rides goes by itself after this long.
-const RIDES_WITHIN: Duration = Duration::from_millis(500);
-/// What rides presses as much as a state, with which it travels mostly: classes do not share a packet.
-const RIDES_AS: Urgency = Urgency::High;
+/// What waits for company goes by itself after this long.
+const PIGGYBACKS_WITHIN: Duration = Duration::from_millis(500);
+/// It presses as much as a state, with which it travels mostly: classes do not share a packet.
+const PIGGYBACK_CLASS: Urgency = Urgency::High;
 /// What says the same as this long ago is a repeat.
 const REPEATS_AFTER: Duration = Duration::from_millis(750);
 /// Of what a class sends, one part in so many is left to each class below that waits.
@@ -43,7 +43,7 @@ pub struct OutboundFrame {
     /// Whether a later frame of its topic takes its place.
     pub is_replaced: bool,
     /// Whether it may wait a moment for another one to travel with.
-    pub rides: Ride,
+    pub piggybacks: Piggyback,
     /// What others count on from.
     pub numbers: Numbers,
     /// The frame.
@@ -58,11 +58,16 @@ impl OutboundFrame {
     pub fn of(message: &Message) -> Result<OutboundFrame, EncodeError> {
         let (frame, topic) = (encode(message)?, Topic::of(message));
         let row = row(topic.kind);
+        let piggybacks = match message {
+            // Who did not hear that it shall stop waits for nothing.
+            Message::Standing(stops) if !stops.open.is_empty() => Piggyback::Never,
+            _ => row.piggybacks,
+        };
         Ok(OutboundFrame {
             class: row.class,
             topic,
             is_replaced: row.is_replaced,
-            rides: row.rides,
+            piggybacks,
             numbers: Numbers::of(message),
             frame,
         })
@@ -119,9 +124,9 @@ pub struct Egress {
     budget: TokenBucket,
     waiting: BTreeMap<Urgency, WaitingClass>,
     /// What waits for another frame to travel with, and until when.
-    riding: VecDeque<(Time, OutboundFrame)>,
-    /// What was said last, and when, of each kind of which repeats ride.
-    said: BTreeMap<MessageKind, (Time, Vec<u8>)>,
+    for_company: VecDeque<(Time, OutboundFrame)>,
+    /// What was said last, and when, of each topic of which repeats piggyback.
+    said: BTreeMap<Topic, (Time, Vec<u8>)>,
     dropped: u64,
 }
 
@@ -133,7 +138,7 @@ impl Egress {
         Egress {
             budget,
             waiting: BTreeMap::new(),
-            riding: VecDeque::new(),
+            for_company: VecDeque::new(),
             said: BTreeMap::new(),
             dropped: 0,
         }
@@ -141,54 +146,63 @@ impl Egress {
 
     /// Takes a frame: returns it when it may go at once, and what may go with it after it; otherwise keeps it.
     pub fn offer(&mut self, now: Time, offered: OutboundFrame) -> Vec<OutboundFrame> {
-        if self.may_ride(now, &offered) {
-            self.let_ride(now, offered);
+        let is_repeat = self.note_said(now, &offered);
+        let waits = match offered.piggybacks {
+            Piggyback::Never => false,
+            Piggyback::Repeats => is_repeat,
+            Piggyback::Always => true,
+        };
+        if waits {
+            self.wait_for_company(now, offered);
             return Vec::new();
         }
-        if offered.rides == Ride::Repeats {
+        if row(offered.topic.kind).piggybacks == Piggyback::Repeats {
             self.withdraw(offered.topic);
         }
         let mut goes = Vec::from_iter(self.offer_alone(now, offered));
         if !goes.is_empty() {
-            let riding = std::mem::take(&mut self.riding);
-            let riding = riding.into_iter();
-            goes.extend(riding.filter_map(|(_, frame)| self.offer_alone(now, frame)));
+            let company = std::mem::take(&mut self.for_company).into_iter();
+            goes.extend(company.filter_map(|(_, frame)| self.offer_alone(now, frame)));
         }
         goes
     }
 
-    /// Drops what has waited for company of a topic: what goes by itself is newer, and must not be overtaken.
+    /// Returns whether something newer was offered in the place of a frame: another thread may still be about to send that one.
+    pub fn is_outdated(&self, frame: &OutboundFrame) -> bool {
+        let newest = self.said.get(&frame.topic);
+        newest.is_some_and(|(_, newest)| *newest != frame.frame)
+    }
+
+    /// Drops what has waited for company of a topic: what goes by itself is newer.
     fn withdraw(&mut self, topic: Topic) {
-        self.riding.retain(|(_, frame)| frame.topic != topic);
-        if let Some(waiting) = self.waiting.get_mut(&RIDES_AS) {
+        self.for_company.retain(|(_, frame)| frame.topic != topic);
+        if let Some(waiting) = self.waiting.get_mut(&PIGGYBACK_CLASS) {
             waiting.withdraw(topic);
         }
     }
 
-    fn may_ride(&mut self, now: Time, offered: &OutboundFrame) -> bool {
-        match offered.rides {
-            Ride::Never => false,
-            Ride::Always => true,
-            Ride::Repeats => {
-                let said = (now, offered.frame.clone());
-                let last = self.said.insert(offered.topic.kind, said);
-                last.is_some_and(|(at, frame)| {
-                    frame == offered.frame && now.since(at) >= REPEATS_AFTER
-                })
-            }
+    /// Notes what is said of a kind of which repeats piggyback; returns whether it was said a while ago.
+    fn note_said(&mut self, now: Time, offered: &OutboundFrame) -> bool {
+        if row(offered.topic.kind).piggybacks != Piggyback::Repeats {
+            return false;
         }
+        let said = (now, offered.frame.clone());
+        let last = self.said.insert(offered.topic, said);
+        last.is_some_and(|(at, frame)| frame == offered.frame && now.since(at) >= REPEATS_AFTER)
     }
 
     /// Keeps a frame until another one goes; of one topic only the newest, for as long as the first one of it would have been.
-    fn let_ride(&mut self, now: Time, offered: OutboundFrame) {
-        let mut riding = self.riding.iter_mut();
+    fn wait_for_company(&mut self, now: Time, offered: OutboundFrame) {
         let offered = OutboundFrame {
-            class: RIDES_AS,
+            class: PIGGYBACK_CLASS,
             ..offered
         };
-        match riding.find(|(_, known)| known.topic == offered.topic) {
+        let mut waiting = self.for_company.iter_mut();
+        match waiting.find(|(_, known)| known.topic == offered.topic) {
             Some((_, known)) => *known = offered,
-            None => self.riding.push_back((now + RIDES_WITHIN, offered)),
+            None => self
+                .for_company
+                .push_back((now + PIGGYBACKS_WITHIN, offered)),
         }
     }
 
@@ -211,9 +225,10 @@ impl Egress {
 
     /// Returns the next frame that may go now.
     pub fn due(&mut self, now: Time) -> Option<OutboundFrame> {
-        if self.riding.front().is_some_and(|(until, _)| *until <= now) {
-            let riding = std::mem::take(&mut self.riding);
-            riding.into_iter().for_each(|(_, frame)| self.keep(frame));
+        let waits_until = self.for_company.front().map(|(until, _)| *until);
+        if waits_until.is_some_and(|until| until <= now) {
+            let alone = std::mem::take(&mut self.for_company);
+            alone.into_iter().for_each(|(_, frame)| self.keep(frame));
         }
         let class = self.next_class()?;
         let waiting = self.waiting.get_mut(&class)?;
@@ -234,8 +249,8 @@ impl Egress {
     /// Returns when the next frame may go; `None` when nothing waits.
     pub fn next(&self) -> Option<Time> {
         let waiting = self.next_class().map(|_| self.budget.next());
-        let riding = self.riding.front().map(|(until, _)| *until);
-        waiting.into_iter().chain(riding).min()
+        let for_company = self.for_company.front().map(|(until, _)| *until);
+        waiting.into_iter().chain(for_company).min()
     }
 
     /// Returns how many frames were dropped because too much waited, or too many batches of one kind.
@@ -286,7 +301,7 @@ impl Egress {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{LayerId, MessageSubject, TileAddress, VehicleId};
+    use tomoswarm_proto::{LayerId, MessageKind, MessageSubject, TileAddress, VehicleId};
 
     /// The names of topics below, apart from tiles.
     const NAMES: [&str; 6] = ["first", "second", "order", "state", "samples", "tile"];
@@ -330,7 +345,7 @@ mod tests {
             class,
             topic,
             is_replaced: true,
-            rides: Ride::Never,
+            piggybacks: Piggyback::Never,
             numbers,
             frame: vec![0; bytes],
         }
@@ -513,5 +528,60 @@ mod tests {
                 .is_empty()
         );
         assert_eq!(all_due(&mut egress)[0], "state");
+    }
+
+    fn at(time_s: f64) -> Time {
+        Time::from_secs_f64(time_s)
+    }
+
+    fn mission(places_left: u16) -> OutboundFrame {
+        let message = Message::Mission(tomoswarm_proto::MissionProgress {
+            places_left,
+            ..tomoswarm_proto::MissionProgress::default()
+        });
+        OutboundFrame::of(&message).unwrap()
+    }
+
+    fn have() -> OutboundFrame {
+        OutboundFrame::of(&Message::Have(tomoswarm_proto::Have::default())).unwrap()
+    }
+
+    #[test]
+    fn what_is_new_goes_at_once_and_a_repeat_of_old_news_not_after_it() {
+        let mut egress = Egress::new(64_000);
+        let mut goes = |time_s: f64, frame| egress.offer(at(time_s), frame).len();
+        assert_eq!(goes(1.0, mission(5)), 1);
+        assert_eq!(goes(1.2, mission(5)), 1, "it is said again on purpose");
+        assert_eq!(goes(2.0, mission(5)), 0, "a repeat");
+        assert_eq!(goes(2.1, mission(4)), 1);
+        assert_eq!(egress.next(), None, "the repeat was withdrawn");
+        assert!(egress.is_outdated(&mission(5)) && !egress.is_outdated(&mission(4)));
+        assert!(!egress.is_outdated(&have()));
+    }
+
+    #[test]
+    fn a_repeat_that_the_budget_holds_back_is_not_said_after_news_that_it_does_not() {
+        let stop = tomoswarm_proto::EmergencyStop {
+            name: tomoswarm_proto::EmergencyName(0x1_0000),
+            scope: tomoswarm_proto::StopScope::All,
+            by: tomoswarm_proto::OperatorId(1),
+        };
+        let standing = |open: &[tomoswarm_proto::EmergencyStop]| {
+            let stops = tomoswarm_proto::OpenStops {
+                open: open.to_vec(),
+                lifted: Vec::new(),
+            };
+            OutboundFrame::of(&Message::Standing(stops)).unwrap()
+        };
+        let mut egress = Egress::new(1000);
+        egress.offer(at(0.0), standing(&[]));
+        assert_eq!(egress.offer(at(1.0), standing(&[])), []);
+        egress.offer(at(1.0), frame(Urgency::Low, "first", 1000));
+        egress.offer(at(1.0), frame(Urgency::Urgent, "order", 3000));
+        assert_eq!(egress.due(at(1.5)), None, "the budget is spent");
+        assert_eq!(egress.offer(at(1.6), standing(&[stop])).len(), 1);
+        let all = std::iter::from_fn(|| egress.due(egress.next()?));
+        let later: Vec<_> = all.map(|frame| frame.topic.kind).collect();
+        assert!(!later.contains(&MessageKind::Standing), "{later:?}");
     }
 }

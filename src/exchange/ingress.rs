@@ -30,8 +30,6 @@ pub enum HeardMessage {
     Unknown(u8),
 }
 
-impl HeardMessage {}
-
 /// Why a frame is not heard.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum FrameRefusal {

@@ -12,9 +12,9 @@ use tomoswarm_proto::{Interest, Message, MessageKind, Sender};
 pub enum Urgency {
     /// Orders, greetings and emergency stops: never waits.
     Urgent,
-    /// Where somebody is and how far, and what others decide by when it is missing.
+    /// Where somebody is and how far, how it fares, and what others decide by when it is missing.
     High,
-    /// The map, and how a vehicle fares.
+    /// The map.
     Normal,
     /// Samples and images: they are many, and are repeated.
     Low,
@@ -42,10 +42,10 @@ pub struct Audience {
     pub operators: bool,
 }
 
-/// Whether a message may wait a moment for another one to travel with: what stands in one packet costs less than two, and
-/// wakes whoever hears it once.
+/// Whether a message piggybacks: waits a moment for another one to travel with. What stands in one packet costs less than two,
+/// and wakes whoever hears it once.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Ride {
+pub enum Piggyback {
     /// It goes by itself.
     Never,
     /// When it says again what was said a while ago; what is new, or is said again at once, goes by itself.
@@ -70,7 +70,7 @@ pub struct MessageRule {
     /// Whether a later one of the same sender and topic takes the place of one that was not sent yet.
     pub is_replaced: bool,
     /// Whether it may wait a moment for another one to travel with.
-    pub rides: Ride,
+    pub piggybacks: Piggyback,
 }
 
 const ALL: Option<Audience> = Some(Audience {
@@ -114,7 +114,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::Urgent,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::State,
@@ -123,7 +123,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // Whoever holds a map may say tiles, digests and wants. Of two ground stations neither hears the other's: they learn
     // from the vehicles. An operator that shows the map asks everyone for what it lacks; it has nothing to tell of it.
@@ -134,7 +134,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: OPERATORS,
         class: Urgency::Normal,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::Digest,
@@ -143,7 +143,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: OPERATORS,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Always,
+        piggybacks: Piggyback::Always,
     },
     // Two wants of one layer may ask for different tiles.
     MessageRule {
@@ -153,7 +153,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::Normal,
         is_replaced: false,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // A plan counts only together with those of all members, so every vehicle hears all.
     MessageRule {
@@ -163,7 +163,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::Mission,
@@ -172,7 +172,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Repeats,
+        piggybacks: Piggyback::Repeats,
     },
     MessageRule {
         kind: MessageKind::Order,
@@ -181,7 +181,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ADDRESSED,
         class: Urgency::Urgent,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::Samples,
@@ -190,7 +190,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: false,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::Have,
@@ -199,7 +199,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Always,
+        piggybacks: Piggyback::Always,
     },
     MessageRule {
         kind: MessageKind::Beacon,
@@ -208,7 +208,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // Vehicles do not decide by how another one fares.
     MessageRule {
@@ -216,9 +216,9 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_vehicle: GROUND,
         of_ground: None,
         of_operator: None,
-        class: Urgency::Normal,
+        class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Always,
+        piggybacks: Piggyback::Always,
     },
     // The other ground's report says who holds the lease.
     MessageRule {
@@ -228,7 +228,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // Every node says on which stops are open: no cut in the network may keep them from anyone.
     MessageRule {
@@ -238,7 +238,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::Urgent,
         is_replaced: true,
-        rides: Ride::Repeats,
+        piggybacks: Piggyback::Repeats,
     },
     MessageRule {
         kind: MessageKind::Task,
@@ -247,7 +247,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ALL,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::Image,
@@ -256,7 +256,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // Who measures places from outside is an operator. A late one is of no use.
     MessageRule {
@@ -266,7 +266,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: ADDRESSED,
         class: Urgency::High,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // The ground station says a mark that it has stored. Two marks of one run are two places.
     MessageRule {
@@ -276,7 +276,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: GROUND,
         class: Urgency::Normal,
         is_replaced: false,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // Said only while an operator asks for it. A late one is of no use. The ground station makes nothing of it: it hears all
     // that vehicles say under one key, unknown kinds too.
@@ -287,7 +287,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: true,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     // As a Look. Each message has lines of its own, or another part.
     MessageRule {
@@ -297,7 +297,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: false,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
     MessageRule {
         kind: MessageKind::Settings,
@@ -306,7 +306,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         of_operator: None,
         class: Urgency::Low,
         is_replaced: false,
-        rides: Ride::Never,
+        piggybacks: Piggyback::Never,
     },
 ];
 

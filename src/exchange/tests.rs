@@ -440,7 +440,7 @@ fn what_is_said_again_and_again_travels_with_the_next_state_or_after_half_a_seco
 }
 
 #[test]
-fn which_stops_are_open_travels_with_others_only_when_it_says_the_same_as_a_while_ago() {
+fn that_no_stop_is_open_travels_with_others_when_it_says_the_same_as_a_while_ago() {
     let mut exchange = Exchange::new(BYTES_PER_S, Presence::listening());
     exchange.speak();
     let stop = EmergencyStop {
@@ -470,8 +470,12 @@ fn which_stops_are_open_travels_with_others_only_when_it_says_the_same_as_a_whil
     );
     assert!(goes_at_once(2025, true), "a stop");
     assert!(goes_at_once(2050, true));
-    assert!(!goes_at_once(3050, true));
-    assert!(goes_at_once(3060, false), "it is lifted");
+    for ms in [3050, 4050, 5050] {
+        assert!(goes_at_once(ms, true), "an open stop waits for nobody");
+    }
+    assert!(goes_at_once(5060, false), "it is lifted");
+    assert!(!goes_at_once(6060, false));
+    assert!(goes_at_once(6070, true), "another one");
     let due = exchange.due(Time::ZERO + Duration::from_secs(9));
     assert!(
         due.is_empty(),

@@ -1,6 +1,7 @@
 //! The health actor: how a vehicle fares apart from where it is, for the operator. The edge tells it facts about the machine
-//! and its devices, the other actors what they have met; it says [`Health`] with a fact every two seconds, and at once when
-//! other troubles are known than were said last. It judges nothing: what is a reason not to start is the reader's matter.
+//! and its devices, the other actors what they have met; it says [`Health`] with a fact every two seconds, and as soon
+//! as other troubles are known than were said last. It judges nothing: what is a reason not to start is the reader's
+//! matter.
 //!
 //! It has no deadline: facts come once a second, and a trouble that time alone makes, an autopilot that says nothing, is
 //! noticed with them.

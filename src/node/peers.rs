@@ -25,8 +25,9 @@ const STRANGER_FOR: Duration = Duration::from_secs(60);
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// A vehicle of which nothing was heard for this long is not waited for.
 const GONE_AFTER: Duration = Duration::from_secs(20);
-/// A beacon tells a vehicle's place when no state has for this long.
+/// A beacon tells a vehicle's place when no state has for this long; of one that rests, which says its state less often.
 const STATE_COUNTS: Duration = Duration::from_secs(1);
+const STATE_AT_REST_COUNTS: Duration = Duration::from_millis(1700);
 /// A way that comes nearer to a peer by less than this comes no nearer, metres: rounding.
 const NEARER_M: f64 = 1e-3;
 /// A vehicle that moves and does not say whereto, since it is heard by radio alone or somebody else steers it, claims this much
@@ -50,6 +51,8 @@ pub(super) struct Peer {
     lower: LowerNumbers,
     /// When a state of it came last.
     state_at: Option<Time>,
+    /// Whether that said that it is at rest.
+    said_to_rest: bool,
     /// From where a motion is told by beacons.
     anchor: Pose,
     /// When its state or beacon was heard last.
@@ -196,6 +199,7 @@ impl Peers {
             edition: edition(state),
             lower: LowerNumbers::default(),
             state_at: Some(now),
+            said_to_rest: state.is_at_rest,
             anchor: pose,
             heard_at: now,
             at: pose.at,
@@ -220,6 +224,7 @@ impl Peers {
             return;
         };
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
+        peer.said_to_rest = state.is_at_rest;
         peer.lower = LowerNumbers::default();
         (peer.resting, peer.is_steered) = (is_resting(state), is_steered(state));
         peer.is_lost = has_lost_its_place(state);
@@ -263,6 +268,7 @@ impl Peers {
             edition: (boot, 0),
             lower: LowerNumbers::default(),
             state_at: None,
+            said_to_rest: false,
             anchor: pose,
             heard_at: now,
             at: pose.at,
@@ -290,7 +296,12 @@ impl Peers {
             *peer = unknown;
         }
         peer.heard_at = now;
-        if peer.state_at.is_none_or(|at| now.since(at) > STATE_COUNTS) {
+        // A beacon that shows it elsewhere is news as of any other.
+        let state_counts = match peer.said_to_rest && !peer.is_elsewhere(pose) {
+            true => STATE_AT_REST_COUNTS,
+            false => STATE_COUNTS,
+        };
+        if peer.state_at.is_none_or(|at| now.since(at) > state_counts) {
             peer.place(now, pose);
         }
     }
@@ -349,9 +360,14 @@ impl Peers {
 
 impl Peer {
     /// Takes a place that only a beacon tells.
-    fn place(&mut self, now: Time, pose: Pose) {
+    /// Returns whether a place tells of a motion.
+    fn is_elsewhere(&self, pose: Pose) -> bool {
         let turned_rad = (pose.heading - self.anchor.heading).radians().abs();
-        if self.anchor.at.distance_to(pose.at) > MOVED_M || turned_rad > TURNED_RAD {
+        self.anchor.at.distance_to(pose.at) > MOVED_M || turned_rad > TURNED_RAD
+    }
+
+    fn place(&mut self, now: Time, pose: Pose) {
+        if self.is_elsewhere(pose) {
             (self.anchor, self.moved_at) = (pose, now);
         }
         self.resting = now.since(self.moved_at) >= RESTS_AFTER;
@@ -435,7 +451,7 @@ pub(super) fn keeps_clear(from: Point, route: &Track, claim: &Track, separation_
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::{MissionEnd, VehicleMode};
+    use tomoswarm_proto::{LegReport, MissionEnd, VehicleMode};
 
     use super::super::tests_support::state;
     use super::*;
@@ -551,6 +567,32 @@ mod tests {
         assert!(!told(6.1, Control::Ours, None));
         assert!(!told(2.0, Control::Remote, None));
         assert!(!told(2.0, Control::Ours, Some(StandReason::NoPlace)));
+    }
+
+    #[test]
+    fn of_one_at_rest_two_states_may_be_lost_before_its_beacons_tell_its_place() {
+        for (is_at_rest, sighted_m, keeps_claim_until_s) in
+            [(true, 3.0, 1.6), (true, 3.5, 1.0), (false, 3.0, 1.0)]
+        {
+            let mut peers = Peers::new(VehicleId(1));
+            let corner = Point::new(6.0, 0.0);
+            let leg = LegReport {
+                route: vec![corner.into()],
+            };
+            let said = State {
+                is_at_rest,
+                leg: Some(leg),
+                ..state(2, 3.0, 0.0)
+            };
+            peers.take(at(1.0), &said);
+            let has_claim = |peers: &mut Peers, after_s: f64| {
+                peers.sight(at(1.0 + after_s), &sighting(said.boot.0, sighted_m));
+                let peer = peers.get(VehicleId(2)).unwrap();
+                peer.claim.contains(&corner)
+            };
+            assert!(has_claim(&mut peers, keeps_claim_until_s));
+            assert!(!has_claim(&mut peers, keeps_claim_until_s + 0.2));
+        }
     }
 
     #[test]

@@ -51,7 +51,7 @@ const HOLDER_GREETS_EVERY: Duration = Duration::from_secs(1);
 /// While nothing new is heard, this is how often it checks for silent nodes.
 const LOOKS_EVERY: Duration = Duration::from_millis(500);
 /// After this long on the bus everyone who is there was heard.
-const LISTEN: Duration = Duration::from_millis(1500);
+const LISTEN: Duration = Duration::from_secs(2);
 
 /// The operator actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -12,12 +12,12 @@
 //! **By whose right.** The greatest lease that a State echoes or a live ground station's Report holds; where nobody holds
 //! one, number 2 with an own holder: a ground station, heard or not, may be taking 1. With `take_over` the number after it
 //! with an own holder. The revision is the vehicle's echo + 1 within that lease, 1 in another one. To start or to return
-//! waits for a Report, or 1.5 s, so that the ground's lease is known; what makes a vehicle stop waits for nothing but its
+//! waits for a Report, or 2 s, so that the ground's lease is known; what makes a vehicle stop waits for nothing but its
 //! State. Nothing is sent to a vehicle that was not heard: it obeys only what is above its echo.
 //!
 //! **Emergency stops.** Under an open stop a vehicle obeys neither Start nor Return. A start names the stops that are known to
 //! be open when it is first sent, and lifts them; it does not lift later ones. It waits until every vehicle has
-//! told what it knows, or 1.5 s; it is refused while a vehicle that it is for was not heard for 2 s, unless that one is
+//! told what it knows, or 2 s; it is refused while a vehicle that it is for was not heard for 2 s, unless that one is
 //! named as one that may be unheard. What stands for many stops is lifted only when that is asked for. A return is refused
 //! while a stop is open. The stops themselves are given by [`super::stopping`].
 //!
@@ -64,8 +64,8 @@ use crate::time::Time;
 
 /// An order is repeated this often.
 const REPEAT: Duration = Duration::from_millis(100);
-/// How long to listen for everyone, and for the ground's lease.
-const LISTEN: Duration = Duration::from_millis(1500);
+/// How long to listen for everyone, and for the ground's lease: what is said once a second may wait half of one for company.
+const LISTEN: Duration = Duration::from_secs(2);
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
 /// The number of the lease that an operator takes when nobody holds one. A ground station may take number 1 in that very

@@ -16,7 +16,7 @@ use super::outcome::{OrderOutcome, VehicleOutcome};
 use crate::time::Time;
 
 /// How long to listen for everyone who is there.
-const LISTEN: Duration = Duration::from_millis(1500);
+const LISTEN: Duration = Duration::from_secs(2);
 /// How often to check whether the time is up.
 const LOOKS_EVERY: Duration = Duration::from_millis(50);
 

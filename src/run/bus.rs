@@ -10,57 +10,47 @@
 //! Every frame travels with its CRC-32 beside it (zenoh's attachment, 4 bytes, little endian): TCP's own checksum lets damage
 //! through, and what is damaged may read as another message. A frame without one is read as it is.
 //!
-//! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`), the roster has
-//! changed or a thread of the library has panicked, and sends what has waited. Another one asks the library to whom there
-//! are links (`bus/links.rs`). The library is never called with a lock of ours held: it may call us, or wait, with locks of
+//! One thread keeps the session (`bus/keeper.rs`): it opens it, opens it anew when it has become deaf (`bus/hearing.rs`), the
+//! roster has changed or a thread of the library has panicked, and sends what has waited. Another one asks the library to whom
+//! there are links (`bus/links.rs`). The library is never called with a lock of ours held: it may call us, or wait, with locks of
 //! its own.
 
 mod declared_keys;
 mod frame_checks;
 mod hearing;
+mod keeper;
 mod library_panics;
 mod links;
 mod session_id;
 mod settings;
 mod zenoh_config;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 use tomoswarm_proto::{Key, Message, Sender, Topic};
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
-use zenoh::sample::Locality;
 
 use self::declared_keys::DeclaredKeys;
 use self::frame_checks::{under_its_key, whole};
-use self::hearing::{ReopenReason, SessionHearing};
-use self::library_panics::{PanicsSeen, guarded};
+use self::hearing::SessionHearing;
+use self::keeper::LOOKS_EVERY;
+use self::library_panics::guarded;
 use self::links::LinkCounter;
-use self::settings::without_places;
 pub use self::settings::{BusError, BusSettings, BusTraffic, SessionTopology, Trust};
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
-use super::subjects;
 use super::trust::AccessRule;
 use crate::exchange::egress::OutboundFrame;
 pub use crate::exchange::ingress::HeardMessage;
 use crate::exchange::ingress::{FrameRefusal, read};
 use crate::exchange::joining::JoinEffect;
 use crate::exchange::presence::Presence;
-use crate::exchange::table::{Ride, Urgency};
+use crate::exchange::table::{Piggyback, Urgency, row};
 use crate::exchange::{Exchange, ReceivedFrame};
 use crate::time::Time;
-
-/// Between two tries to open a session.
-const RETRY: Duration = Duration::from_millis(300);
-/// The keeper looks at what was heard this often when there is nothing to send.
-const LOOKS_EVERY: Duration = Duration::from_millis(500);
-/// A session that does not close within this time is left alone.
-const CLOSES_WITHIN: Duration = Duration::from_secs(1);
 
 /// Takes what a node is to be told, and what follows for taking part.
 type Subscriber = dyn Fn(Option<HeardMessage>, JoinEffect) + Send + Sync;
@@ -220,23 +210,18 @@ impl Publisher {
         let Some(frame) = shared.frame(message) else {
             return;
         };
-        let rides = frame.rides != Ride::Never;
-        let ready = lock(&shared.exchange).offer(shared.clock.now(), frame);
-        // The keeper looks soon enough for what waits for company.
-        if ready.is_empty() && !rides {
-            shared.more.notify_one();
-        }
+        let ready = shared.with_exchange(|exchange, now| exchange.offer(now, frame));
         ready.into_iter().for_each(|frame| shared.send(frame));
     }
 
     /// Greets when it is time, and learns whether somebody can hear it; returns when to be called again, `None` = never.
     pub fn greet(&self, now: Time, is_linked: bool) -> Option<Time> {
-        let mut exchange = lock(&self.shared.exchange);
-        if is_linked {
-            exchange.meet(now);
-        }
-        let (greeting, next) = (exchange.greet(now), exchange.greets_at());
-        drop(exchange);
+        let (greeting, next) = self.shared.with_exchange(|exchange, _| {
+            if is_linked {
+                exchange.meet(now);
+            }
+            (exchange.greet(now), exchange.greets_at())
+        });
         greeting
             .into_iter()
             .for_each(|frame| self.shared.send(frame));
@@ -283,67 +268,17 @@ impl Shared {
         }
     }
 
-    fn open_session(self: &Arc<Self>) -> Result<(), BusError> {
-        let mut settings = self.settings.clone();
-        if let Some(trust) = &mut settings.trust {
-            trust.access = lock(&self.access).clone();
+    /// Lets the exchange take something, and wakes the keeper when something is to be sent sooner than it looks.
+    fn with_exchange<T>(&self, takes: impl FnOnce(&mut Exchange, Time) -> T) -> T {
+        let mut exchange = lock(&self.exchange);
+        let now = self.clock.now();
+        let looks_at = exchange.deadline().unwrap_or(Time::NEVER);
+        let taken = takes(&mut exchange, now);
+        let looks_at = looks_at.min(now + LOOKS_EVERY);
+        if exchange.deadline().is_some_and(|at| at < looks_at) {
+            self.more.notify_one();
         }
-        let text = zenoh_config::session(&settings, self.is_hub()).to_string();
-        let settings_error = |error: &dyn std::fmt::Display| BusError::Settings {
-            reason: without_places(&error.to_string()),
-        };
-        let config = zenoh::Config::from_json5(&text).map_err(|error| settings_error(&error))?;
-        let session = zenoh::open(config)
-            .wait()
-            .map_err(|error| match self.is_hub() {
-                true => BusError::Listen {
-                    endpoints: self.settings.listen.join(", "),
-                    reason: without_places(&error.to_string()),
-                },
-                false => settings_error(&error),
-            })?;
-        for key in subjects::heard_by(self.settings.node) {
-            let weak = Arc::downgrade(self);
-            let hear = move |sample: zenoh::sample::Sample| {
-                if let Some(shared) = weak.upgrade() {
-                    let check = sample.attachment().map(|check| check.to_bytes());
-                    shared.take(
-                        sample.key_expr().as_str(),
-                        &sample.payload().to_bytes(),
-                        check.as_deref(),
-                    );
-                }
-            };
-            let full = format!("{}/{key}", self.settings.prefix);
-            let declared = session
-                .declare_subscriber(full)
-                .callback(hear)
-                .allowed_origin(Locality::Remote);
-            declared
-                .background()
-                .wait()
-                .map_err(|error| settings_error(&error))?;
-        }
-        lock(&self.hearing).open(self.clock.now());
-        self.is_broken.store(false, Ordering::Relaxed);
-        *self.session.write().unwrap_or_else(PoisonError::into_inner) = Some(session);
-        Ok(())
-    }
-
-    /// Keeps the session until the bus is closed; a keeper that panics begins anew, with a new session.
-    fn keep_on(self: &Arc<Self>) {
-        while catch_unwind(AssertUnwindSafe(|| self.keep())).is_err() {
-            self.troubles.raise(
-                "bus",
-                "what keeps the session failed, and begins anew".to_owned(),
-            );
-            // A session that cannot even be closed is left alone.
-            let _ = catch_unwind(AssertUnwindSafe(|| self.close_session()));
-            if self.is_closing.load(Ordering::Relaxed) {
-                return;
-            }
-            self.wait_for_more(RETRY);
-        }
+        taken
     }
 
     /// Encodes a message; one that cannot be sent is a trouble until one of its kind can.
@@ -364,52 +299,12 @@ impl Shared {
         }
     }
 
-    /// Opens the session anew whenever it is gone or deaf, and sends what has waited.
-    fn keep(self: &Arc<Self>) {
-        let mut panics = PanicsSeen::default();
-        while !self.is_closing.load(Ordering::Relaxed) {
-            if self.session().is_none() {
-                if let Err(error) = self.open_session() {
-                    self.troubles.raise("bus", error.to_string());
-                    self.wait_for_more(RETRY);
-                    continue;
-                }
-                self.troubles.clear("bus");
-            } else if let Some(why) = self.why_anew() {
-                tracing::info!("the bus's session is opened anew: {why}");
-                self.close_session();
-                continue;
-            } else if panics.look(self.clock.now(), &self.troubles) {
-                self.panics.fetch_add(1, Ordering::Relaxed);
-                self.close_session();
-                continue;
-            }
-            self.declare_keys();
-            self.drain();
-        }
-        self.close_session();
-    }
-
-    /// Tells the session of the keys that were used since it was told last.
-    fn declare_keys(&self) {
-        if let Some(session) = self.session()
-            && self.keys.declare_new(&session).is_none()
-        {
-            self.is_broken.store(true, Ordering::Relaxed);
-        }
-    }
-
     /// Returns the session that is open, to be called without the lock.
     fn session(&self) -> Option<zenoh::Session> {
         self.session
             .read()
             .unwrap_or_else(PoisonError::into_inner)
             .clone()
-    }
-
-    /// Returns why the session is to be opened anew. The lock is held for this moment only.
-    fn why_anew(&self) -> Option<ReopenReason> {
-        lock(&self.hearing).why_anew(self.clock.now())
     }
 
     /// Asks the library to whom there are links, and returns to how many; `None` = the bus is closed.
@@ -434,57 +329,13 @@ impl Shared {
         Some(ids.len())
     }
 
-    fn close_session(&self) {
-        let session = self
-            .session
-            .write()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take();
-        let Some(session) = session else { return };
-        self.keys.forget();
-        let (done, closed) = std::sync::mpsc::channel();
-        let close = move || {
-            let _ = session.close().wait();
-            done.send(()).unwrap_or_default();
-        };
-        // Who cannot be told in time that we leave finds out by the lease.
-        if std::thread::Builder::new()
-            .name("bus-close".to_owned())
-            .spawn(close)
-            .is_ok()
-        {
-            let _ = closed.recv_timeout(CLOSES_WITHIN);
-        }
-    }
-
-    /// Sends what is due, or waits for more: it looks and begins to wait under one lock, so that nothing that is offered
-    /// meanwhile is overlooked.
-    fn drain(&self) {
-        let mut exchange = lock(&self.exchange);
-        let now = self.clock.now();
-        let due = exchange.due(now);
-        if due.is_empty() {
-            let wait = exchange
-                .deadline()
-                .map_or(LOOKS_EVERY, |at| at.since(now))
-                .min(LOOKS_EVERY);
-            if !self.is_closing.load(Ordering::Relaxed) {
-                drop(self.more.wait_timeout(exchange, wait));
-            }
+    fn send(&self, frame: OutboundFrame) {
+        // What travels with something else may be older than what its own thread has just sent: that is seen here, but for the
+        // moment in which the library takes it.
+        let is_said_again = row(frame.topic.kind).piggybacks == Piggyback::Repeats;
+        if is_said_again && lock(&self.exchange).is_outdated(&frame) {
             return;
         }
-        drop(exchange);
-        due.into_iter().for_each(|frame| self.send(frame));
-    }
-
-    fn wait_for_more(&self, wait: Duration) {
-        let exchange = lock(&self.exchange);
-        if !self.is_closing.load(Ordering::Relaxed) {
-            drop(self.more.wait_timeout(exchange, wait));
-        }
-    }
-
-    fn send(&self, frame: OutboundFrame) {
         let Some(session) = self
             .session()
             .filter(|_| !self.is_broken.load(Ordering::Relaxed))
@@ -551,10 +402,12 @@ impl Shared {
             }
         };
         lock(&self.hearing).hear(now, sender);
-        if let HeardMessage::Message(_, message) = &heard {
-            self.keys.note(full_key, Topic::of(message));
-        }
-        let reception = lock(&self.exchange).accept(now, bytes.len(), heard);
+        let topic = match &heard {
+            HeardMessage::Message(_, message) => Some(Topic::of(message)),
+            HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => None,
+        };
+        let reception =
+            self.with_exchange(|exchange, now| exchange.accept(now, bytes.len(), heard));
         let ReceivedFrame {
             heard,
             verdict,
@@ -563,6 +416,9 @@ impl Shared {
             Ok(reception) => reception,
             Err(refusal) => return self.refuse(Some(sender), key, &refusal),
         };
+        if let Some(topic) = topic {
+            self.keys.note(full_key, topic);
+        }
         (self.subscriber)(heard, verdict);
         replies.into_iter().for_each(|frame| self.send(frame));
     }

@@ -761,6 +761,40 @@ mod tests {
     }
 
     #[test]
+    fn what_may_wait_is_read_in_time_however_far_off_the_deadline_is() {
+        for deadline_ms in [70, 1000, 20_000] {
+            let (endings, _ended) = channel();
+            let (outputs, heard) = channel();
+            let context = RuntimeContext {
+                clock: Clock::start(),
+                troubles: Troubles::default(),
+                endings,
+            };
+            let mailbox = Mailbox::new("echo");
+            let deadline = Time::ZERO + Duration::from_millis(deadline_ms);
+            let make = move || Echo {
+                wakes: 1,
+                next: deadline,
+            };
+            let output = move |out| outputs.send((out, Instant::now())).unwrap_or_default();
+            let policy = RestartPolicy::StopNode;
+            let thread = start_actor(&context, &mailbox, policy, None, make, output).unwrap();
+            // It sleeps already.
+            std::thread::sleep(Duration::from_millis(10));
+            let told_at = Instant::now();
+            mailbox.tell(Told(WAITS));
+            let told = heard.iter().find(|(what, _)| *what == WAITS).unwrap();
+            let lay = told.1.duration_since(told_at);
+            match deadline_ms {
+                70 => assert!(lay < LIES_UNREAD, "it is read with the deadline: {lay:?}"),
+                _ => assert!(lay >= LIES_UNREAD && lay < LIES_UNREAD * 8, "{lay:?}"),
+            }
+            mailbox.close();
+            thread.join().unwrap();
+        }
+    }
+
+    #[test]
     fn a_vital_actor_that_fails_ends_the_process() {
         let (mailbox, _, failed, _, thread) = started(RestartPolicy::StopNode, 0);
         mailbox.tell(Told(7));

@@ -18,7 +18,7 @@ use crate::mavlink::vehicle_messages::{HEARTBEAT, HOME_POSITION, VehicleMessages
 use crate::time::Time;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
-/// Vehicles say their state so often: more often there is nothing new.
+/// Vehicles that move say their state so often: more often there is nothing new.
 const FASTEST: Duration = Duration::from_millis(200);
 /// What every client is told by itself, and how often, until it asks for something else.
 const STREAMS: [(u32, Duration); 9] = [

@@ -4,8 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, LayerId, MissionProgress, MissionRefusal, Order, Plan, Revision, RunId, Sender,
-    StandReason, State, StopId, Task, TileAddress, VehicleId,
+    EmergencyStop, LayerId, MissionProgress, MissionRefusal, Order, OrderKind, Plan, Revision,
+    RunId, Sender, StandReason, State, StopId, Task, TileAddress, VehicleId,
 };
 
 use super::obstruction::Obstruction;
@@ -375,6 +375,14 @@ pub enum Key {
     Remembered,
 }
 
+/// Returns whether a vehicle was sent out, or home, and has not been told otherwise since.
+fn is_out(state: &OwnState) -> bool {
+    matches!(
+        state.ordered.kind,
+        Some(OrderKind::Start | OrderKind::Return)
+    )
+}
+
 impl Input for In {
     type Key = Key;
 
@@ -400,7 +408,8 @@ impl Input for In {
     fn may_wait(&self) -> bool {
         match self {
             In::Peer(_) | In::PeerMission(_) | In::Sighted(_) | In::Heard(_) => true,
-            In::State(state) => state.is_at_rest,
+            // A vehicle that is out acts on what its state says.
+            In::State(state) => state.is_at_rest && !is_out(state),
             In::Plan(_)
             | In::Task(_)
             | In::Tile(_)
@@ -450,7 +459,10 @@ impl Input for In {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::Ordered;
+
     use super::*;
+    use crate::node::tests_support::own_state;
 
     #[test]
     fn a_place_that_stays_doubtful_is_barred_at_no_ground_that_was_not_looked_at() {
@@ -461,6 +473,26 @@ mod tests {
         };
         check(vec![Point::new(2.1, 4.7)], "it is barred at [2.100, 4.700]");
         check(Vec::new(), "what may bar it cannot be looked at from near");
+    }
+
+    #[test]
+    fn the_state_of_a_vehicle_may_wait_while_it_rests_and_is_not_out() {
+        let of = |is_at_rest, kind| {
+            In::State(OwnState {
+                is_at_rest,
+                ordered: Ordered {
+                    kind,
+                    ..Ordered::default()
+                },
+                ..own_state(0.0, 0.0)
+            })
+        };
+        for kind in [None, Some(OrderKind::Hold), Some(OrderKind::Land)] {
+            assert!(of(true, kind).may_wait() && !of(false, kind).may_wait());
+        }
+        for kind in [OrderKind::Start, OrderKind::Return] {
+            assert!(!of(true, Some(kind)).may_wait() && !of(false, Some(kind)).may_wait());
+        }
     }
 
     #[test]

@@ -15,7 +15,7 @@ use tomoswarm_proto::{Sender, VehicleId};
 use crate::node::peers::Peers;
 use crate::time::Time;
 
-/// A vehicle that has not told after this many listening times is not waited for: all tell once a second.
+/// A vehicle that has not told after this many listening times is not waited for: all tell within a second and a half.
 /// The whole is less than an operator's order waits for.
 const GIVES_UP_AFTER: u32 = 2;
 

@@ -21,9 +21,9 @@ use crate::time::Time;
 
 /// States are published this often while the mode stays the same.
 const PUBLISH_EVERY: Duration = Duration::from_millis(200);
-/// So often while the vehicle rests and says nothing new: each state wakes four threads of every other node. Two may be lost
-/// before others take it for silent.
-const PUBLISH_AT_REST_EVERY: Duration = Duration::from_millis(500);
+/// So often, with the first telemetry that comes then, while the vehicle rests and says nothing new: every half second, since
+/// each state wakes three actors of every other node. Two may be lost before others take it for silent.
+const PUBLISH_AT_REST_EVERY: Duration = Duration::from_millis(450);
 /// A place that is further off than this is news, metres.
 const MOVED_M: f64 = 0.1;
 /// A heading that is further off than this is news, radians.
@@ -126,7 +126,7 @@ fn is_news(last: &State, state: &State) -> bool {
         (last, now) => last.is_some() != now.is_some(),
     };
     // What a sensor says of a vehicle at rest trembles.
-    let trembling = State {
+    let but_for_trembling = State {
         sequence: last.sequence,
         pose: last.pose,
         roll: last.roll,
@@ -135,7 +135,7 @@ fn is_news(last: &State, state: &State) -> bool {
         battery: last.battery,
         ..state.clone()
     };
-    !state.is_at_rest || is_place_new || trembling != *last
+    !state.is_at_rest || is_place_new || but_for_trembling != *last
 }
 
 impl Vehicle {

@@ -1074,18 +1074,50 @@ fn a_vehicle_at_rest_says_its_state_twice_a_second_and_news_at_once_or_with_the_
         nothing.is_some() && arms.is_some(),
         "another mode is said at once"
     );
-    published_in(&mut vehicle, 34.0, 2, rests);
-    let lost = |_| telemetry_of(0.0, Motion::Resting, f64::INFINITY);
-    let mut said = (0..5).filter_map(|tick| {
-        let now_s = 36.0 + f64::from(tick) / 10.0;
-        states(&fed(&mut vehicle, now_s, lost(now_s))).0
-    });
-    let first = said.next().unwrap();
-    assert_eq!(
-        first.stands_under,
-        Some(StandReason::NoPlace),
-        "within 200 ms"
-    );
+}
+
+#[test]
+fn what_is_new_of_a_vehicle_at_rest_is_said_within_200_ms() {
+    let In::Telemetry(resting) = telemetry(0.0, 0.0, 0.05) else {
+        panic!("it is telemetry")
+    };
+    let rests = |_| In::Telemetry(resting);
+    let posed = |at, heading, sd_m| Telemetry {
+        pose: Pose { at, heading, sd_m },
+        ..resting
+    };
+    let (home, ahead) = (Point::new(0.0, 0.0), Angle::default());
+    let disarmed = Telemetry {
+        is_armed: false,
+        ..resting
+    };
+    let follows = In::Accepted(RunId(3), Revision(2));
+    let cases = [
+        ("nothing", None, resting),
+        ("place", None, posed(Point::new(0.2, 0.0), ahead, 0.05)),
+        ("heading", None, posed(home, Angle::from_radians(0.2), 0.05)),
+        ("lost", None, posed(home, ahead, f64::INFINITY)),
+        ("disarmed", None, disarmed),
+        ("plan", Some(follows), resting),
+        ("hold", Some(In::Holds(Some(StandReason::Battery))), resting),
+    ];
+    for (what, input, then) in cases {
+        let mut vehicle = vehicle();
+        assert_eq!(published_in(&mut vehicle, 2.0, 2, rests), 4);
+        let is_said = |vehicle: &mut Vehicle, now_s, telemetry| {
+            let out = fed(vehicle, now_s, In::Telemetry(telemetry));
+            states(&out).0.is_some()
+        };
+        assert!(is_said(&mut vehicle, 4.0, resting) && !is_said(&mut vehicle, 4.1, resting));
+        input
+            .into_iter()
+            .for_each(|input| drop(fed(&mut vehicle, 4.15, input)));
+        assert_eq!(
+            is_said(&mut vehicle, 4.2, then),
+            what != "nothing",
+            "{what}"
+        );
+    }
 }
 
 #[test]

@@ -190,7 +190,7 @@ fn lost_orders_are_sent_again_every_100_ms() {
 
 #[test]
 fn what_stops_waits_for_no_ground_and_what_starts_does() {
-    for (kind, from_s, to_s) in [(Kind::Hold, 0.2, 0.24), (Kind::Start, 1.5, 1.6)] {
+    for (kind, from_s, to_s) in [(Kind::Hold, 0.2, 0.24), (Kind::Start, 2.0, 2.1)] {
         let mut world = World::new(want(kind), vec![Rover::new(1)]);
         world.run();
         let first = world.sent[0].0;

@@ -1,6 +1,7 @@
 //! The bus over loopback.
 
 use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
 
 use tomoswarm_proto::{MissionProgress, Progress, RunId, VehicleId};
 
@@ -187,7 +188,11 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     ));
     let (two, _) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
     until_heard(&two.publisher(), &progress(2, 1), &by_ground).unwrap();
-    let mut unknown = OutboundFrame::of(&progress(2, 2)).unwrap();
+    let health = tomoswarm_proto::Health {
+        vehicle: VehicleId(2),
+        ..tomoswarm_proto::Health::default()
+    };
+    let mut unknown = OutboundFrame::of(&Message::Health(health)).unwrap();
     unknown.frame[3] = u8::MAX;
     let is_counted = (0..100).any(|_| {
         two.shared.send(unknown.clone());
@@ -205,4 +210,90 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
         until_heard(&two.publisher(), &progress(2, 3), &by_ground),
         Some(HeardMessage::Message(TWO, progress(2, 3)))
     );
+}
+
+/// Returns the keys that a session was told of.
+fn told(bus: &BusSession) -> Vec<String> {
+    bus.shared.keys.told()
+}
+
+#[test]
+fn a_session_is_told_of_the_keys_that_are_used_and_the_next_one_anew() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (one, by_one) = open(settings(
+        ONE,
+        SessionTopology::Mesh,
+        std::slice::from_ref(&here),
+        &[],
+    ));
+    let (two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let speak = || {
+        until_heard(&one.publisher(), &progress(1, 1), &by_two).unwrap();
+        until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
+    };
+    let keys = ["vehicle/1/mission", "vehicle/2/mission"];
+    let keys = keys.map(|key| format!("tomoswarm/test/{key}"));
+    // A session that was opened anew meanwhile is told of what is said then.
+    let are_told = || {
+        (0..100).any(|_| {
+            speak();
+            std::thread::sleep(Duration::from_millis(50));
+            told(&one) == keys && told(&two) == keys
+        })
+    };
+    assert!(are_told(), "{:?} {:?}", told(&one), told(&two));
+    lock(&one.shared.hearing).change_roster();
+    one.shared.more.notify_one();
+    assert!((0..100).any(|_| {
+        std::thread::sleep(Duration::from_millis(20));
+        told(&one).is_empty()
+    }));
+    assert!(are_told(), "{:?} {:?}", told(&one), told(&two));
+}
+
+/// Opens a session again and again, and prints how much memory each opening leaves behind in the process: after a panic of
+/// the library, too, when what it gave is left alone.
+/// `cargo test --lib a_session_that_is_opened_again -- --ignored --nocapture`
+#[test]
+#[ignore = "takes a minute and a half, and wants the process for itself"]
+fn a_session_that_is_opened_again_leaves_little_behind() {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let (one, by_one) = open(settings(
+        ONE,
+        SessionTopology::Mesh,
+        std::slice::from_ref(&here),
+        &[],
+    ));
+    let (two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let memory_kb = || {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let number = line.unwrap().split_whitespace().next().unwrap();
+        number.parse::<u64>().unwrap()
+    };
+    let open_again = |has_panicked: bool| {
+        until_heard(&one.publisher(), &progress(1, 1), &by_two).unwrap();
+        until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
+        let is_told = |count: usize| {
+            (0..600).any(|_| {
+                std::thread::sleep(Duration::from_millis(10));
+                told(&one).len() == count
+            })
+        };
+        assert!(is_told(2));
+        match has_panicked {
+            true => assert_eq!(guarded(|| panic!("as it shall")), None::<()>),
+            false => lock(&one.shared.hearing).change_roster(),
+        }
+        one.shared.more.notify_one();
+        assert!(is_told(0));
+    };
+    for (has_panicked, openings) in [(false, 60), (true, 20)] {
+        (0..10).for_each(|_| open_again(has_panicked));
+        let before_kb = memory_kb();
+        (0..openings).for_each(|_| open_again(has_panicked));
+        let left_kb = memory_kb().saturating_sub(before_kb) / openings;
+        println!("panic of the library: {has_panicked}; {left_kb} kB an opening");
+        assert!(has_panicked || left_kb < 100, "{left_kb} kB an opening");
+    }
 }
