@@ -28,6 +28,7 @@ mod link_noise;
 mod links_csv;
 mod map_solver;
 mod npy;
+mod padded_rows;
 mod path_loss;
 mod peaks;
 mod person;

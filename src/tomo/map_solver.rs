@@ -8,9 +8,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::cholesky::{add_scaled, dot};
+use super::padded_rows::{PaddedRows, ROUNDING};
 use super::prior::{Covariance, Workspace};
 use super::student;
 use super::weights::WeightRows;
+
+/// Weights are rounded where a solve ends this far above what that changes.
+const LEAST_OVER_ROUNDING: f64 = 1000.0;
 
 /// A column H of unknowns that are not pixels (path loss), with the prior variance of its coefficient.
 #[derive(Clone, PartialEq, Debug)]
@@ -100,7 +104,7 @@ pub struct MapSolution {
 impl MapProblem<'_> {
     /// Solves; `start` is what a similar problem on the same pixels has come to.
     pub fn solve(&self, settings: MapSettings, start: Option<&MapStart>) -> MapSolution {
-        let mut solver = Solver::new(self);
+        let mut solver = Solver::new(self, settings.tolerance);
         let is_warm = start.is_some_and(|start| solver.begin_at(start));
         let degrees = settings.student_degrees;
         let mut trust = vec![1.0; self.attenuation_db.len()];
@@ -164,12 +168,19 @@ struct Solver<'a> {
     whitened: Vec<f64>,
     /// y − W x − H b.
     residual_db: Vec<f64>,
+    /// The weights again, where that is faster.
+    padded: Option<PaddedRows>,
     work: Workspace,
 }
 
 impl<'a> Solver<'a> {
-    fn new(problem: &'a MapProblem<'a>) -> Solver<'a> {
+    fn new(problem: &'a MapProblem<'a>, tolerance: f64) -> Solver<'a> {
         let pixels = problem.covariance.pixels();
+        let may_round = tolerance >= LEAST_OVER_ROUNDING * ROUNDING;
+        let padded = match may_round {
+            true => PaddedRows::of(problem.rows, pixels),
+            false => None,
+        };
         let unknowns = vec![0.0; pixels + problem.nuisance.len()];
         Solver {
             problem,
@@ -178,6 +189,7 @@ impl<'a> Solver<'a> {
             whitened: unknowns.clone(),
             unknowns,
             residual_db: problem.attenuation_db.to_vec(),
+            padded,
             work: Workspace::default(),
         }
     }
@@ -223,7 +235,10 @@ impl<'a> Solver<'a> {
         let weighed: Vec<f64> = weighed.collect();
         let mut back = vec![0.0; self.unknowns.len()];
         let (pixels, nuisance) = back.split_at_mut(self.pixels);
-        self.problem.rows.backward(&weighed, pixels);
+        match &self.padded {
+            Some(rows) => rows.backward(&weighed, pixels),
+            None => self.problem.rows.backward(&weighed, pixels),
+        }
         for (coefficient, column) in nuisance.iter_mut().zip(self.problem.nuisance) {
             *coefficient = dot(&column.column, &weighed);
         }
@@ -233,7 +248,10 @@ impl<'a> Solver<'a> {
     /// Computes the residuals of the unknowns as they are.
     fn set_residuals(&mut self) {
         let (image, nuisance) = self.unknowns.split_at(self.pixels);
-        self.problem.rows.forward(image, &mut self.residual_db);
+        match &self.padded {
+            Some(rows) => rows.forward(image, &mut self.residual_db),
+            None => self.problem.rows.forward(image, &mut self.residual_db),
+        }
         for (link, value) in self.residual_db.iter_mut().enumerate() {
             let columns = self.problem.nuisance.iter().zip(nuisance);
             let level_db: f64 = columns.map(|(of, factor)| of.column[link] * factor).sum();
@@ -255,20 +273,25 @@ impl<'a> Solver<'a> {
         let (back, sums) = output.split_at_mut(self.pixels);
         sums.fill(0.0);
         let columns = self.problem.nuisance;
-        let (image, back) = (image.as_chunks().0, back.as_chunks_mut().0);
-        self.problem
-            .rows
-            .there_and_back(image, back, |link, [there]| {
-                let of_columns = columns.iter().zip(factors);
-                let level: f64 = of_columns
-                    .map(|(of, factor)| of.column[link] * factor)
-                    .sum();
-                let weighed = (there + level) / self.noise[link];
-                for (sum, of) in sums.iter_mut().zip(columns) {
-                    *sum += of.column[link] * weighed;
-                }
-                [weighed]
-            });
+        let mut of_link = |link: usize, there: f64| {
+            let of_columns = columns.iter().zip(factors);
+            let level: f64 = of_columns
+                .map(|(of, factor)| of.column[link] * factor)
+                .sum();
+            let weighed = (there + level) / self.noise[link];
+            for (sum, of) in sums.iter_mut().zip(columns) {
+                *sum += of.column[link] * weighed;
+            }
+            weighed
+        };
+        match &self.padded {
+            Some(rows) => rows.there_and_back(image, back, of_link),
+            None => {
+                let (image, back) = (image.as_chunks().0, back.as_chunks_mut().0);
+                let rows = self.problem.rows;
+                rows.there_and_back(image, back, |link, [there]| [of_link(link, there)]);
+            }
+        }
         add_scaled(output, whitened, 1.0);
     }
 

@@ -312,6 +312,12 @@ impl WeightRows {
         })
     }
 
+    /// Returns the runs of neighbouring pixels of a row: the first pixel, and the weights.
+    pub(super) fn runs(&self, row: usize) -> impl Iterator<Item = (u32, &[f64])> {
+        let runs = self.runs_of(row).iter();
+        runs.map(|run| (run.first_pixel, self.values_of(*run)))
+    }
+
     /// Gives W x: one value per link.
     pub fn forward(&self, image: &[f64], links: &mut [f64]) {
         let rows = 0..self.len().min(links.len());
