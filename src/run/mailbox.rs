@@ -576,6 +576,16 @@ mod tests {
         }
     }
 
+    fn context() -> (RuntimeContext, Receiver<Ending>) {
+        let (endings, ended) = channel();
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
+        (context, ended)
+    }
+
     fn started(
         policy: RestartPolicy,
         wakes: u32,
@@ -586,13 +596,8 @@ mod tests {
         Troubles,
         JoinHandle<()>,
     ) {
-        let (endings, failed) = channel();
+        let (context, failed) = context();
         let (outputs, heard) = channel();
-        let context = RuntimeContext {
-            clock: Clock::start(),
-            troubles: Troubles::default(),
-            endings,
-        };
         let mailbox = Mailbox::new("echo");
         let make = move || Echo {
             wakes,
@@ -635,12 +640,7 @@ mod tests {
 
     #[test]
     fn at_a_shared_desk_the_teller_lets_the_actor_act_and_nothing_is_lost() {
-        let (endings, _ended) = channel();
-        let context = RuntimeContext {
-            clock: Clock::start(),
-            troubles: Troubles::default(),
-            endings,
-        };
+        let (context, _ended) = context();
         let mailbox = Mailbox::shared("echo");
         let (outputs, heard) = channel();
         let output = move |out| {
@@ -694,12 +694,7 @@ mod tests {
 
     #[test]
     fn who_tells_something_is_not_kept_by_what_others_go_on_telling() {
-        let (endings, _ended) = channel();
-        let context = RuntimeContext {
-            clock: Clock::start(),
-            troubles: Troubles::default(),
-            endings,
-        };
+        let (context, _ended) = context();
         let mailbox = Mailbox::shared("echo");
         let (others, is_over) = (mailbox.clone(), Arc::new(AtomicBool::new(false)));
         let ended = is_over.clone();
@@ -763,13 +758,8 @@ mod tests {
     #[test]
     fn what_may_wait_is_read_in_time_however_far_off_the_deadline_is() {
         for deadline_ms in [70, 1000, 20_000] {
-            let (endings, _ended) = channel();
+            let (context, _ended) = context();
             let (outputs, heard) = channel();
-            let context = RuntimeContext {
-                clock: Clock::start(),
-                troubles: Troubles::default(),
-                endings,
-            };
             let mailbox = Mailbox::new("echo");
             let deadline = Time::ZERO + Duration::from_millis(deadline_ms);
             let make = move || Echo {

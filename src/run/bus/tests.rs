@@ -43,6 +43,15 @@ fn open(settings: BusSettings) -> (BusSession, Receiver<HeardMessage>) {
     (bus, heard)
 }
 
+/// Opens a node's bus and that of vehicle 2 beside it, which looks for it.
+fn neighbours(first: Sender) -> [(BusSession, Receiver<HeardMessage>); 2] {
+    let (here, there) = (free_endpoint(), free_endpoint());
+    let listens = std::slice::from_ref(&here);
+    let first = open(settings(first, SessionTopology::Mesh, listens, &[]));
+    let second = settings(TWO, SessionTopology::Mesh, &[there], listens);
+    [first, open(second)]
+}
+
 fn progress(of: u8, run: u32) -> Message {
     let progress = Progress {
         run: RunId(run),
@@ -69,14 +78,7 @@ fn until_heard(
 
 #[test]
 fn peers_hear_each_other_and_nobody_hears_itself() {
-    let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, by_one) = open(settings(
-        ONE,
-        SessionTopology::Mesh,
-        std::slice::from_ref(&here),
-        &[],
-    ));
-    let (two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let [(one, by_one), (two, by_two)] = neighbours(ONE);
     assert_eq!(
         until_heard(&two.publisher(), &progress(2, 1), &by_one),
         Some(HeardMessage::Message(TWO, progress(2, 1)))
@@ -135,14 +137,7 @@ fn a_peer_finds_its_neighbour_also_when_that_one_comes_later() {
 
 #[test]
 fn what_is_not_the_senders_to_say_is_not_heard() {
-    let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, by_one) = open(settings(
-        ONE,
-        SessionTopology::Mesh,
-        std::slice::from_ref(&here),
-        &[],
-    ));
-    let (two, _) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let [(one, by_one), (two, _)] = neighbours(ONE);
     until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
     // Progress of vehicle 1 under the key of vehicle 2.
     let refused = (0..100).any(|_| {
@@ -179,14 +174,7 @@ fn a_port_in_use_is_refused_in_words() {
 
 #[test]
 fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
-    let (here, there) = (free_endpoint(), free_endpoint());
-    let (ground, by_ground) = open(settings(
-        Sender::Ground,
-        SessionTopology::Mesh,
-        std::slice::from_ref(&here),
-        &[],
-    ));
-    let (two, _) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let [(ground, by_ground), (two, _)] = neighbours(Sender::Ground);
     until_heard(&two.publisher(), &progress(2, 1), &by_ground).unwrap();
     let health = tomoswarm_proto::Health {
         vehicle: VehicleId(2),
@@ -219,14 +207,7 @@ fn told(bus: &BusSession) -> Vec<String> {
 
 #[test]
 fn a_session_is_told_of_the_keys_that_are_used_and_the_next_one_anew() {
-    let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, by_one) = open(settings(
-        ONE,
-        SessionTopology::Mesh,
-        std::slice::from_ref(&here),
-        &[],
-    ));
-    let (two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let [(one, by_one), (two, by_two)] = neighbours(ONE);
     let speak = || {
         until_heard(&one.publisher(), &progress(1, 1), &by_two).unwrap();
         until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
@@ -257,14 +238,7 @@ fn a_session_is_told_of_the_keys_that_are_used_and_the_next_one_anew() {
 #[test]
 #[ignore = "takes a minute and a half, and wants the process for itself"]
 fn a_session_that_is_opened_again_leaves_little_behind() {
-    let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, by_one) = open(settings(
-        ONE,
-        SessionTopology::Mesh,
-        std::slice::from_ref(&here),
-        &[],
-    ));
-    let (two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
+    let [(one, by_one), (two, by_two)] = neighbours(ONE);
     let memory_kb = || {
         let status = std::fs::read_to_string("/proc/self/status").unwrap();
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
