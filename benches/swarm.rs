@@ -6,7 +6,8 @@
 //! - partition: the last link is restored after 60 s apart → both maps hold everything, through the relay;
 //! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory, processor and wake-ups of an idle vehicle;
 //!   with `TOMOSWARM_OTHER=PROGRAM` every second vehicle runs another program, and both are told: a pair in one mesh;
-//! - unplugged: processor of a vehicle process each of whose devices is not there, against one that looks for none;
+//! - unplugged: processor of a vehicle process each of whose devices is not there, against one that looks for none, in a mesh;
+//!   and of one alone, without a mesh and a world, none of whose devices is there;
 //! - star: fifty vehicle processes around one ground station: heard, memory, processor.
 
 #![allow(
@@ -64,10 +65,15 @@ fn main() {
         std::thread::available_parallelism().map_or(0, usize::from)
     );
     if wanted("emergency") {
-        emergency(64_000, "with the default budget of a vehicle (64 kB/s)");
+        emergency(
+            64_000,
+            "with the default budget of a vehicle (64 kB/s)",
+            150.0,
+        );
         emergency(
             5_000_000,
             "with a budget that the link cannot carry (5 MB/s)",
+            250.0,
         );
     }
     if wanted("partition") {
@@ -143,7 +149,7 @@ fn tile(vehicle: u8, number: u32) -> Message {
 const VEHICLES: u8 = 4;
 const ORDERS: u32 = 150;
 
-fn emergency(egress_bytes_per_s: u32, what: &str) {
+fn emergency(egress_bytes_per_s: u32, what: &str, wanted_ms: f64) {
     let hub = free_address();
     let ground = bus(
         Join {
@@ -206,7 +212,7 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         ORDERS * u32::from(VEHICLES),
         carried as f64 / 1e6
     );
-    print_row("order -> heard by the vehicle", &mut spans, 150.0);
+    print_row("order -> heard by the vehicle", &mut spans, wanted_ms);
 }
 
 fn flood(publisher: Publisher, id: u8, is_over: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
@@ -773,9 +779,58 @@ const AUTOPILOT: NotThere = (
     "driver = \"mavlink\"\n[autopilot.mavlink]\nconnection = \"serial:/dev/not-there-3\"\n",
 );
 
+/// All devices that a vehicle can have.
+const ALL_REAL: &[NotThere] = &[AUTOPILOT, HCSR04, PWM, XBEE];
+
+/// Starts a vehicle that looks for devices that are not there.
+fn start_without(files: &Files, processes: &mut Processes, id: u8, missing: &[NotThere]) {
+    let folder = files.folder.path();
+    let path = folder.join(format!("v{id}.toml"));
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for (part, instead) in missing {
+        let simulated = format!("[{part}]\ndriver = \"sim\"\n");
+        assert!(text.contains(&simulated), "{text}");
+        text = text.replace(&simulated, &format!("[{part}]\n{instead}"));
+    }
+    std::fs::write(&path, text).unwrap();
+    processes.start(
+        folder,
+        &format!("v{id}"),
+        &["vehicle", &format!("v{id}.toml")],
+    );
+}
+
+/// Returns how much of a core each of the vehicles takes over a minute, after its first seconds, percent.
+fn shares(processes: &mut Processes, vehicles: usize) -> Vec<f64> {
+    const SECONDS: u64 = 60;
+    std::thread::sleep(Duration::from_secs(10));
+    let before = ticks_of_all(processes, vehicles);
+    std::thread::sleep(Duration::from_secs(SECONDS));
+    let mut all = processes.0.values_mut();
+    assert!(
+        all.all(|child| child.try_wait().unwrap().is_none()),
+        "one has ended"
+    );
+    let after = ticks_of_all(processes, vehicles);
+    let both = after.iter().zip(&before);
+    both.map(|(after, before)| (after - before) as f64 / SECONDS as f64)
+        .collect()
+}
+
+fn ticks_of_all(processes: &Processes, vehicles: usize) -> Vec<u64> {
+    (1..=vehicles)
+        .map(|id| ticks(&processes.0[&format!("v{id}")]))
+        .collect()
+}
+
+fn unplugged() {
+    unplugged_in_a_mesh();
+    unplugged_alone();
+}
+
 /// Vehicles in one mesh, with a world: one that has no device of its own, and others whose devices are not there. A simulated
 /// servo turns no real sensor, so a range sensor is missed together with its servo.
-fn unplugged() {
+fn unplugged_in_a_mesh() {
     const DEVICES: [(&str, &[NotThere]); 7] = [
         ("all simulated", &[]),
         ("servo", &[PWM]),
@@ -783,47 +838,39 @@ fn unplugged() {
         ("HC-SR04 and servo", &[HCSR04, PWM]),
         ("XBee", &[XBEE]),
         ("autopilot", &[AUTOPILOT]),
-        ("all that are real", &[AUTOPILOT, HCSR04, PWM, XBEE]),
+        ("all that are real", ALL_REAL),
     ];
     let files = files(DEVICES.len() as u8, "mesh");
     let mut processes = Processes(BTreeMap::new());
     begin(&files, &mut processes);
-    let folder = files.folder.path();
     for (id, (_, missing)) in (1..).zip(DEVICES) {
-        let path = folder.join(format!("v{id}.toml"));
-        let mut text = std::fs::read_to_string(&path).unwrap();
-        for (part, instead) in missing {
-            let simulated = format!("[{part}]\ndriver = \"sim\"\n");
-            assert!(text.contains(&simulated), "{text}");
-            text = text.replace(&simulated, &format!("[{part}]\n{instead}"));
-        }
-        std::fs::write(&path, text).unwrap();
-        processes.start(
-            folder,
-            &format!("v{id}"),
-            &["vehicle", &format!("v{id}.toml")],
-        );
+        start_without(&files, &mut processes, id, missing);
     }
-    std::thread::sleep(Duration::from_secs(10));
+    let taken = shares(&mut processes, DEVICES.len());
     println!(
         "\nunplugged, in a mesh of {} vehicles and a ground station:",
         DEVICES.len()
     );
-    const SECONDS: u64 = 60;
-    let ticks_of = |processes: &Processes, id: usize| ticks(&processes.0[&format!("v{id}")]);
-    let before: Vec<u64> = (1..=DEVICES.len())
-        .map(|id| ticks_of(&processes, id))
-        .collect();
-    std::thread::sleep(Duration::from_secs(SECONDS));
-    let mut all = processes.0.values_mut();
-    assert!(
-        all.all(|child| child.try_wait().unwrap().is_none()),
-        "one has ended"
-    );
-    for (at, (device, _)) in DEVICES.iter().enumerate() {
-        let share = (ticks_of(&processes, at + 1) - before[at]) as f64 / SECONDS as f64;
+    for ((device, _), share) in DEVICES.iter().zip(taken) {
         println!("{device:24} {share:.2} % of one core");
     }
+}
+
+/// A vehicle that knows nobody and has no world; each of its devices is real, and not there.
+fn unplugged_alone() {
+    let files = files(1, "mesh");
+    let path = files.folder.path().join("v1.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let connect = format!("connect = [\"tcp/{}\"]\n", files.ground);
+    assert!(text.contains(&connect), "{text}");
+    std::fs::write(&path, text.replace(&connect, "")).unwrap();
+    let mut processes = Processes(BTreeMap::new());
+    start_without(&files, &mut processes, 1, ALL_REAL);
+    let taken = shares(&mut processes, 1);
+    println!(
+        "\nunplugged, alone, none of its devices there: {:.2} % of one core (wanted <= 1 %)",
+        taken[0]
+    );
 }
 
 fn star(seconds: u64) {

@@ -34,6 +34,7 @@ mod peaks;
 mod person;
 mod prior;
 mod progress;
+mod projector;
 mod ring;
 mod room;
 mod samples_csv;

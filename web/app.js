@@ -56,7 +56,7 @@ let isWanted = false;
 let needsScene = true;
 let needsFleet = true;
 let needsImage = true;
-/** Whether the first picture was drawn, which is marked in the browser's own timing. */
+/** Whether the first picture was drawn, of all that was there, which is marked in the browser's own timing. */
 let isPictured = false;
 /** Since when the page is seen: while it is not, nothing comes. */
 let seenSince_ms = 0;
@@ -121,7 +121,7 @@ function draw() {
 function drawScene(now_ms) {
   view.draw(now_ms);
   scenePace.drawn();
-  if (isPictured || model.states.size === 0) return;
+  if (isPictured || !model.isWhole()) return;
   isPictured = true;
   performance.mark("picture");
 }

@@ -1,5 +1,6 @@
 // Who has seen a cell of the map, what each says of it, and since when: of the cell where the pointer rests or taps, or, by a key, of
-// that in the middle of what is seen. Asked from the server, which knows the layers; also of an earlier moment.
+// that in the middle of what is seen. Asked from the server, which knows the layers; also of an earlier moment. Of a live swarm the
+// page shows the command, by which each vehicle's tiles are listened to.
 
 /** @import { Model } from "./model.js" */
 /** @import { ToldCell } from "./told" */
@@ -10,6 +11,8 @@ const AGAIN_MS = 1000;
 /** What is not answered within this time is not answered. */
 const ANSWERED_WITHIN_MS = 5000;
 const NONE = "No vehicle says anything of it.";
+/** What says the same in a terminal, of what is now: each tile as its vehicle says it. */
+const COMMAND = "tomoswarm tap CONFIG --kind tile --cells";
 
 export class CellView {
   constructor(/** @type {Model} */ model, plane, view, token) {
@@ -117,11 +120,12 @@ export class CellView {
    */
   write(head, rows, none) {
     const texts = rows.length ? rows.map(({ text }) => text) : [none];
-    const shown = [head, ...texts].join("\n");
+    const isNow = this.model.isLive() && this.model.isPresent();
+    const shown = [head, ...texts, isNow].join("\n");
     if (shown !== this.shown) {
       const list = document.createElement("ul");
       list.append(...texts.map(line));
-      this.box.replaceChildren(item("strong", head), rows.length ? list : item("p", none));
+      this.box.replaceChildren(item("strong", head), rows.length ? list : item("p", none), ...(isNow ? [asCommand()] : []));
     }
     this.shown = shown;
     const ages = this.box.querySelectorAll("[aria-hidden]");
@@ -149,6 +153,12 @@ function line(text) {
   const age = document.createElement("span");
   age.setAttribute("aria-hidden", "true");
   made.append(age);
+  return made;
+}
+
+function asCommand() {
+  const made = item("p", "As a command: ");
+  made.append(item("code", COMMAND));
   return made;
 }
 

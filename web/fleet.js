@@ -1,5 +1,6 @@
 // The table of vehicles, the ground station, and which vehicles are selected. Texts of nodes are set as text only. What troubles a
-// vehicle stands whole in a row of its own below the vehicle's, as wide as the table; that one names it to a screen reader, too.
+// vehicle stands whole in a row of its own below the vehicle's, as wide as the table, and so does what stands in columns for which
+// a narrow window has no room; the vehicle's row names both to a screen reader, too.
 // Rows stand in the order of the column whose head was pressed, and change places only while nobody points at them.
 
 /** @import { Model } from "./model.js" */
@@ -84,16 +85,22 @@ export class Fleet {
 
   show(now_ms) {
     const ids = this.model.ids();
-    for (const [id, { row, troubles }] of this.rows) {
+    for (const [id, { row, below }] of this.rows) {
       if (ids.includes(id)) continue;
       row.remove();
-      troubles.remove();
+      below.remove();
       this.rows.delete(id);
     }
     for (const id of ids) if (!this.rows.has(id)) this.addRow(id);
-    for (const id of ids) this.showRow(id, now_ms);
+    const hidden = this.hiddenColumns();
+    for (const id of ids) this.showRow(id, now_ms, hidden);
     this.sort();
     this.showGround(now_ms);
+  }
+
+  /** The columns for which there is no room: the style says which. */
+  hiddenColumns() {
+    return [...this.heads.keys()].filter((column) => getComputedStyle(this.heads[column]).display === "none");
   }
 
   /** Sorts by a column; by the same one again, the other way round. */
@@ -121,8 +128,8 @@ export class Fleet {
     const stand = [...this.body.children].filter((row) => row.dataset.vehicle).map((row) => Number(row.dataset.vehicle));
     if (sorted.every((id, place) => stand[place] === id)) return;
     for (const id of sorted) {
-      const { row, troubles } = this.rows.get(id);
-      this.body.append(row, troubles);
+      const { row, below } = this.rows.get(id);
+      this.body.append(row, below);
     }
   }
 
@@ -141,21 +148,21 @@ export class Fleet {
     head.scope = "row";
     row.append(head);
     for (let i = 1; i < SORTED_BY.length; i++) row.append(document.createElement("td"));
-    const troubles = troublesRow(id);
-    row.setAttribute("aria-describedby", troubles.firstElementChild.id);
-    for (const of of [row, troubles]) of.addEventListener("click", () => this.toggle(id));
+    const below = rowBelow(id);
+    row.setAttribute("aria-describedby", below.firstElementChild.id);
+    for (const of of [row, below]) of.addEventListener("click", () => this.toggle(id));
     row.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && !event.repeat) this.toggle(id);
       if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
       event.preventDefault();
       this.step(row, event.key === "ArrowUp" ? -1 : 1);
     });
-    this.body.append(row, troubles);
-    this.rows.set(id, { row, troubles });
+    this.body.append(row, below);
+    this.rows.set(id, { row, below });
   }
 
-  showRow(id, now_ms) {
-    const { row, troubles } = this.rows.get(id);
+  showRow(id, now_ms, hidden) {
+    const { row, below } = this.rows.get(id);
     const state = this.model.states.get(id);
     const vehicle = this.model.vehicles.get(id);
     const health = vehicle?.health;
@@ -179,12 +186,15 @@ export class Fleet {
       setText(cell, text);
     });
     const [red, green, blue] = this.model.colourOf(id);
-    setText(troubles.firstChild, wrong.join("\n"));
-    troubles.hidden = wrong.length === 0;
-    for (const of of [row, troubles]) of.firstChild.style.borderLeftColor = `rgb(${red}, ${green}, ${blue})`;
+    const [more, troubles] = below.firstElementChild.children;
+    setText(more, hidden.map((column) => `${this.heads[column].textContent}: ${texts[column]}`).join(" · "));
+    setText(troubles, wrong.join("\n"));
+    below.hidden = hidden.length === 0 && wrong.length === 0;
+    for (const of of [row, below]) of.firstElementChild.style.borderLeftColor = `rgb(${red}, ${green}, ${blue})`;
     row.classList.toggle("silent", isSilent);
     row.classList.toggle("stopped", state?.standsUnder === 1);
     row.classList.toggle("troubled", wrong.length > 0);
+    row.classList.toggle("continued", !below.hidden);
     row.setAttribute("aria-selected", this.selected.has(id) ? "true" : "false");
   }
 
@@ -251,15 +261,18 @@ function compared(a, b, isDown) {
   return isDown ? -sign : sign;
 }
 
-/** The row that says what troubles a vehicle. */
-function troublesRow(id) {
+/** The row below a vehicle's: what has no room in that one, and what troubles the vehicle. */
+function rowBelow(id) {
   const row = document.createElement("tr");
-  row.className = "troubles";
+  row.className = "below";
   row.hidden = true;
-  row.setAttribute("aria-label", `troubles of vehicle ${id}`);
+  row.setAttribute("aria-label", `more of vehicle ${id}`);
   const cell = document.createElement("td");
   cell.colSpan = SORTED_BY.length;
-  cell.id = `troubles-${id}`;
+  cell.id = `below-${id}`;
+  const [more, troubles] = [document.createElement("span"), document.createElement("span")];
+  troubles.className = "wrong";
+  cell.append(more, troubles);
   row.append(cell);
   return row;
 }

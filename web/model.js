@@ -14,6 +14,8 @@ const HISTORY_MOST = 600;
 /** Strengths of a pair that are not further apart than this may be one. */
 const SAME_MS = 300;
 const EVENTS_MOST = 1000;
+/** Nothing to wait for: how many tiles, and images of which subjects. */
+const NOTHING = { tiles: 0, images: [] };
 /** Places of a track that are kept, and how far they are apart at least. */
 const TRACK_PLACES = 4000;
 const TRACK_STEP_M = 0.05;
@@ -32,6 +34,8 @@ export class Model {
     this.markers = [];
     /** What was forgotten comes anew, and not all of it is there. */
     this.isFilling = false;
+    /** What the server had of map and images when this page came. */
+    this.awaited = NOTHING;
     this.heard_ms = -Infinity;
     this.shown_ms = 0;
     this.frames = 0;
@@ -217,14 +221,25 @@ export class Model {
     this.forget();
     this.place = place;
     this.moment = { ...this.moment, speed: null };
-    [this.markers, this.isFilling] = [[], false];
+    [this.markers, this.isFilling, this.awaited] = [[], false, place];
   }
 
   /** Which moment is shown; when all comes anew, what is known is forgotten. */
   takeMoment(/** @type {told.Moment} */ moment) {
-    if (moment.isAnew) this.forget();
+    if (moment.isAnew) {
+      this.forget();
+      // Another moment comes as a whole.
+      this.awaited = NOTHING;
+    }
     this.moment = moment;
     this.isFilling = !moment.isWhole;
+  }
+
+  /** Whether vehicles are there, and all that the server had of the map and of images when this page came. */
+  isWhole() {
+    const { tiles, images } = this.awaited;
+    const hasImage = (subject) => this.images.get(subject)?.mean.includes(NaN) === false;
+    return this.states.size > 0 && !this.isFilling && this.tiles.size >= tiles && images.every(hasImage);
   }
 
   takeStripe(frame) {

@@ -57,6 +57,10 @@ export type Welcome = {
   page: number,
   /** Whether its token may order. */
   mayOrder: boolean,
+  /** How many tiles of the map there are. */
+  tiles: number,
+  /** Of which subjects there is an image. */
+  images: Array<number>,
   /** What is shown. */
   showing: Showing,
   /** The name of the venue. */

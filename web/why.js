@@ -1,5 +1,5 @@
 // Why a pixel is dark: its value as the sum of what each link adds, asked from the server, told in words and drawn through the scene.
-// The picture is pointed at, or the scene where it lies, or a place is given.
+// The picture is pointed at, or the scene where it lies, or a place is given. The page shows the command, of files that it saves.
 
 /** @import { Model } from "./model.js" */
 /** @import { Why, WhyLink } from "./told" */
@@ -27,6 +27,7 @@ export class WhyPanel {
     });
     document.getElementById("why-clear").addEventListener("click", () => this.clear());
     document.getElementById("heat").addEventListener("click", (event) => this.point(event));
+    showCommand(null);
     scene.pointedAt = (x, y) => this.pointInScene([x, y]);
   }
 
@@ -87,6 +88,7 @@ export class WhyPanel {
     this.result.textContent = "Point at the image, or give a place.";
     document.getElementById("why-links").replaceChildren();
     document.getElementById("why-clear").hidden = true;
+    showCommand(null);
   }
 
   show(/** @type {Why} */ answer) {
@@ -97,6 +99,7 @@ export class WhyPanel {
     // Links are pooled in squares of its own by a ground station; a tenth more or less is no lack.
     const lacks = answer.links < 0.9 * answer.madeOf ? ` (the image was made of ${answer.madeOf}: this page's program has not heard all)` : "";
     const empty = answer.emptyRun === null ? "" : ` against run ${answer.emptyRun}`;
+    showCommand(answer);
     this.result.textContent =
       `x ${x}, y ${y} m: ${answer.value_dbpm.toFixed(3)} dB/m is the sum of ${answer.links} links of run ${answer.run}${empty}${lacks} (solver map); ` +
       `the image shows ${Number.isNaN(shown) ? "nothing" : shown.toFixed(3)}. ${least}; ${answer.residualRms_db.toFixed(1)} dB stay unexplained.`;
@@ -108,6 +111,13 @@ export class WhyPanel {
     document.getElementById("why-links").replaceChildren(...answer.told.slice(0, WORDS).map(inWords), ...rest(answer));
     document.getElementById("why-clear").hidden = false;
   }
+}
+
+/** What says the same in a terminal; null = of any pixel. */
+function showCommand(/** @type {Why} */ answer) {
+  const [run, emptyRun, at] = answer ? [answer.run, answer.emptyRun, answer.at.map((metres) => metres.toFixed(2)).join()] : ["N", "M", "X,Y"];
+  const empty = emptyRun === null ? "" : ` --empty run-${emptyRun}-links.csv`;
+  document.getElementById("why-command").textContent = `tomoswarm image run-${run}-links.csv${empty} --why ${at}`;
 }
 
 function inWords(/** @type {WhyLink} */ link) {

@@ -10,6 +10,7 @@ use super::export_target::StoreFiles;
 use super::logging;
 use super::operator::{OperatorContext, fault};
 use super::qr_text::qr_text;
+use super::read;
 use super::replay::recordings;
 use super::standard_output::{StandardOutput, complain};
 use super::stop::StopFlag;
@@ -82,11 +83,9 @@ impl DashArgs {
     /// A bad file, a bus that cannot be joined, a port that is in use.
     pub(super) fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
         logging::begin(false);
-        if let Some(folder) = self.files.as_ref().filter(|folder| !folder.is_dir()) {
-            return Err(CliError::Input {
-                path: folder.clone(),
-                reason: "is no folder; one with index.html is expected".to_owned(),
-            });
+        if let Some(folder) = &self.files {
+            // What is no folder of the page, or may not be read, would be a page that is not there.
+            read::text(&folder.join("index.html"))?;
         }
         if let Some(folder) = &self.replay {
             return self.replay(folder, out);

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use tomoswarm_proto::{RunId, VehicleId};
 
-use super::counted::counted;
 use super::earth::{extend_track, world_file};
 use super::error::CliError;
 use super::export_target::ExportTarget;
 use super::folder::{FileFamily, OutputFolder};
 use super::imaging_comments::comments;
-use super::pictures::{CellGrid, colour_range, drawn, homes, marks, shown_cells};
+use super::outputs::deviation_picture;
+use super::pictures::{CellGrid, colour_range, drawn, heat_title, homes, marks, shown_cells};
 use super::recording::links_csv;
 use super::samples_csv::sample_line;
 use super::stored_run;
@@ -66,6 +66,7 @@ Files, N being the run:
                        station has: above their columns stand area, sensitivity and [imaging] of its file
   run-N-marks.csv      where somebody truly stood (`tomoswarm order FILE mark X,Y`), where that was marked
   run-N-KIND.npy .png  the newest picture of each kind: change (since the empty sweep) or structure
+  run-N-KIND-deviation.npy .png  how sure that picture is: the standard deviation of each pixel, dB/m, where it was computed
   map.png              what the range sensors saw
   *.pgw                world files: where a picture lies, degrees (WGS84, EPSG:4326)
   swarm.geojson        area, fence, homes, peaks, finds, marks, tracks (WGS84)
@@ -324,9 +325,14 @@ fn venue_of(path: &Path, starts: &[Provenance]) -> Result<(Venue, String), CliEr
 fn run_of(name: &str) -> Option<u32> {
     let (number, kind) = name.strip_prefix("run-")?.split_once('-')?;
     let is_kind = |stem: &str| matches!(stem, "change" | "structure");
-    let is_picture = kind
-        .rsplit_once('.')
-        .is_some_and(|(stem, ending)| is_kind(stem) && matches!(ending, "npy" | "png" | "pgw"));
+    let is_picture = kind.rsplit_once('.').is_some_and(|(stem, ending)| {
+        let of_deviation = stem.strip_suffix("-deviation");
+        match ending {
+            "npy" | "png" => is_kind(of_deviation.unwrap_or(stem)),
+            "pgw" => is_kind(stem),
+            _ => false,
+        }
+    });
     let is_ours = is_picture || matches!(kind, "samples.csv" | "links.csv" | "marks.csv");
     number.parse().ok().filter(|_| is_ours)
 }
@@ -397,6 +403,11 @@ fn write_images(
             let world = world(&export.venue, spec.placement())?;
             target.write(&name("pgw"), world.as_bytes())?;
         }
+        if let Some(values) = made.deviation.clone() {
+            let grid = made.image.grid;
+            let name = |ending: &str| format!("run-{run}-{}-deviation.{ending}", made.kind);
+            write_deviation(target, export, (run, &Image { grid, values }), name)?;
+        }
         features.image(MadeImage {
             says: &json!({"run": run.0, "kind": made.kind, "laps": made.laps}),
             peaks: &made.peaks,
@@ -404,6 +415,24 @@ fn write_images(
         });
     }
     Ok((images.len(), errors))
+}
+
+/// Writes how sure a picture is.
+fn write_deviation(
+    target: &mut dyn ExportTarget,
+    export: &Export,
+    (run, deviation): (RunId, &Image),
+    name: impl Fn(&str) -> String,
+) -> Result<(), CliError> {
+    if target.wants(&name("npy")) {
+        target.write(&name("npy"), &npy_bytes(deviation))?;
+    }
+    if target.wants(&name("png")) {
+        let picture = deviation_picture(deviation, "m")?;
+        let origin = export.origin(Some(run));
+        target.write(&name("png"), &described(picture, &origin))?;
+    }
+    Ok(())
 }
 
 /// Returns a line for every mark: how far from it the nearest place is that a picture names.
@@ -424,7 +453,7 @@ fn heat<'a>(made: &'a StoredImage, truth: &[StoredMark]) -> HeatMap<'a> {
     let places: Vec<Point> = truth.iter().map(|mark| mark.at).collect();
     overlays.extend(circles(&places, 1.0));
     HeatMap {
-        title: format!("{seen} ({})", counted(made.links, "link")),
+        title: heat_title(seen, made.links, made.finds.as_ref()),
         grid: *grid,
         values,
         unit: "dB/m",
@@ -597,7 +626,7 @@ mod tests {
             path_loss: None,
             by_empty_sweep: true,
             finds: None,
-            deviation: None,
+            deviation: Some(vec![0.25; 16]),
             shares: None,
             choice: None,
             links: None,
@@ -649,7 +678,10 @@ mod tests {
             "{text}"
         );
         let all = listed(&out);
-        assert_eq!(all.len(), FAMILY.names.len() + 4 + 3, "{all:?}");
+        assert_eq!(all.len(), FAMILY.names.len() + 4 + 5, "{all:?}");
+        for ending in ["npy", "png"] {
+            assert!(all.contains(&format!("run-2-change-deviation.{ending}")));
+        }
         let with = |more: &[&str]| {
             let mut names = all.clone();
             names.extend(more.iter().map(|name| (*name).to_owned()));

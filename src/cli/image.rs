@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::config::{LinksFile, SourceFile};
 use crate::geom::{Point, Rect};
-use crate::tomo::{Extras, Imager, ImagingSettings, ImagingStep, Link, Solver, TomoError};
+use crate::tomo::{Extras, Imager, ImagingSettings, Link, Solver, TomoError};
 use clap::Args;
 
 use super::earth_files::{self, EarthFiles};
@@ -20,7 +20,7 @@ use super::image_values::{parse_area, parse_cell, parse_pixels, parse_place, par
 use super::network_recording::{NetworkRecording, Tracks};
 use super::outputs::{Made, Outputs, PendingFile, is_device, is_same_file};
 use super::progress;
-use super::progress_bar::progress_bar;
+use super::progress_bar::with_steps;
 use super::read;
 use super::recorded;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
@@ -260,14 +260,10 @@ impl ImageCommand {
             shares_of: self.pixel_asked_for(&settings)?,
             links: true,
         };
-        let bar = progress_bar("{spinner} {msg}");
-        let watch = |step: ImagingStep| {
-            bar.set_message(step.to_string());
-            bar.tick();
-        };
-        let made = Imager::new(settings)
-            .and_then(|mut imager| imager.update_watched(&now, empty, extras, &watch));
-        bar.finish_and_clear();
+        let made = with_steps(|watch| {
+            Imager::new(settings)
+                .and_then(|mut imager| imager.update_watched(&now, empty, extras, watch))
+        });
         let result = made.map_err(|problem| ImageError::NoImage {
             path: self.files[0].clone(),
             problem,

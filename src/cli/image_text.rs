@@ -23,10 +23,17 @@ fn finds_in_words(finds: &Finds, settings: &FindSettings, area: Rect, unit: &str
     let text: String = found
         .map(|find| format!("found at {}\n", place_in_words(find, area, unit)))
         .collect();
-    match unfound_in_words(finds, settings, area, unit) {
-        Some(unfound) => format!("{text}{unfound}\n"),
-        None => text,
-    }
+    let unfound = unfound_in_words(finds, settings, area, unit);
+    let unfound = unfound.map_or(String::new(), |unfound| unfound + "\n");
+    let limit = limit_in_words(finds.threshold, finds.false_per_image);
+    format!("{text}{unfound}{limit}\n")
+}
+
+/// Returns from which evidence on somebody is a find, and how often that is nobody.
+pub(super) fn limit_in_words(threshold: f64, false_per_image: f64) -> String {
+    format!(
+        "evidence of {threshold:.1} is needed: {false_per_image} finds of nobody in an image, on the mean"
+    )
 }
 
 /// Returns in words who is there and cannot be found, or that nobody is found, with the best place, which is no find;
@@ -273,7 +280,8 @@ mod tests {
         assert_eq!(
             somebody,
             "somebody is there, but the links cannot tell where; the best place is at (3.00 ± 20.00, 4.00 ± 10.00) m: \
-             8.0 dB/m, evidence 12.8, of 4.9 that are needed\n"
+             8.0 dB/m, evidence 12.8, of 4.9 that are needed\n\
+             evidence of 4.9 is needed: 0.02 finds of nobody in an image, on the mean\n"
         );
         let more = words(vec![find(30.0, 0.1)], find(12.8, 70.0));
         assert!(
@@ -283,7 +291,7 @@ mod tests {
         let nobody = words(Vec::new(), find(3.0, 70.0));
         assert!(nobody.starts_with("nobody found; "), "{nobody}");
         let one = words(vec![find(30.0, 0.1)], find(3.0, 70.0));
-        assert!(one.starts_with("found at ") && one.lines().count() == 1);
+        assert!(one.starts_with("found at ") && one.lines().count() == 2);
     }
 
     #[test]

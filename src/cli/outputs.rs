@@ -9,13 +9,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::counted::counted;
 use super::earth_files::EarthFiles;
 use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
 use super::image_text::LinkCounts;
 use super::link_pictures::LinkPictures;
-use super::pictures::{colour_range, drawn, marks};
+use super::pictures::{colour_range, drawn, heat_title, marks};
 use super::recording::LengthUnit;
 use super::reference::Reference;
 use super::true_places::{Named, circles};
@@ -299,7 +298,7 @@ pub(super) fn heat_map<'a>(
         "What stands there"
     };
     HeatMap {
-        title: format!("{seen} ({})", counted(result.used, "link")),
+        title: heat_title(seen, result.used, result.finds.as_ref()),
         grid: *grid,
         values,
         unit: per_length,

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::image_text::{unfound_in_words, why_not_searched};
+use super::image_text::{limit_in_words, unfound_in_words, why_not_searched};
 use super::report::why_not_made;
 use crate::config::Sim;
 use crate::ground::imager::Subject;
@@ -60,9 +60,7 @@ impl PersonSearch {
         let not_searched = why_not.map(|why| format!("nobody was searched for: {why}"));
         let rest = self.unfound.clone().or(not_searched);
         let limit = self.limit.map_or(String::new(), |(least, rate)| {
-            format!(
-                "persons           evidence of {least:.1} is needed: {rate} finds of nobody in an image, on the mean\n"
-            )
+            format!("persons           {}\n", limit_in_words(least, rate))
         });
         let rest = rest.map_or(String::new(), |rest| format!("persons           {rest}\n"));
         lines + &rest + &limit

@@ -140,11 +140,20 @@ pub(super) fn colour_range(image: &Image) -> Option<(f64, f64)> {
     (top > 0.0 && largest > FAR_BEYOND * top).then_some((0.0, top))
 }
 
+/// Returns the title of an image of so many links; where persons were searched, with how many finds of nobody there are in an
+/// image, on the mean.
+pub(super) fn heat_title(seen: &str, links: usize, finds: Option<&Finds>) -> String {
+    let links = counted(links, "link");
+    match finds {
+        Some(finds) => format!("{seen} ({links}, {} false finds)", finds.false_per_image),
+        None => format!("{seen} ({links})"),
+    }
+}
+
 fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Vec<u8>, CliError> {
-    let title = format!("{title} ({})", counted(made.used, "link"));
     let Image { grid, values } = &made.image;
     let spec = HeatMap {
-        title,
+        title: heat_title(title, made.used, made.finds.as_ref()),
         grid: *grid,
         values,
         unit: "dB/m",

@@ -53,6 +53,20 @@ pub(super) fn sample_line(text: &mut String, measured: &MeasuredSample) {
     line.write(text);
 }
 
+/// Numbers of a sample that an image does not ask for: what each counts, and its limits. They must be numbers all the same: a file
+/// that holds something else there was not written by us.
+const UNASKED: [(&str, &str, (f64, f64)); 7] = [
+    ("utc_error_s", "seconds", (0.0, SECONDS.1)),
+    ("tx_z_m", "metres", HEIGHT_M),
+    ("tx_heading_rad", "radians", HEADING_RAD),
+    ("tx_sd_m", "metres", (0.0, HEIGHT_M.1)),
+    ("rx_z_m", "metres", HEIGHT_M),
+    ("rx_heading_rad", "radians", HEADING_RAD),
+    ("rx_sd_m", "metres", (0.0, HEIGHT_M.1)),
+];
+const HEIGHT_M: (f64, f64) = (-1e7, 1e7);
+const HEADING_RAD: (f64, f64) = (-1e3, 1e3);
+
 /// What a file of samples holds.
 pub(super) struct SampleLinks {
     /// Links of one packet or one miss, in the order of the file.
@@ -100,6 +114,9 @@ pub(super) fn read_samples<'a>(
     let (mut keyed, mut repeated) = (Vec::new(), 0);
     let [utc, heard_at] = ["utc", "heard_at_s"].map(|name| header.column(name));
     let (mut channels, mut times, mut devices) = (BTreeSet::new(), Vec::new(), Vec::new());
+    let of_header = |(name, what, limits)| Some((header.column(name)?, what, limits));
+    let unasked: Vec<(usize, &str, (f64, f64))> =
+        UNASKED.into_iter().filter_map(of_header).collect();
     for (number, line) in lines {
         let fields = header.fields(number, line)?;
         let of_line = RunId(fields.whole(run, 0, "a run")?);
@@ -117,6 +134,11 @@ pub(super) fn read_samples<'a>(
             }),
             None => None,
         };
+        for (column, what, limits) in &unasked {
+            if !fields.is_empty(*column) {
+                fields.ranged(*column, *limits, what)?;
+            }
+        }
         if ends.as_flattened().iter().any(|end| fields.is_empty(*end)) {
             continue;
         }

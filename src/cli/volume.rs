@@ -16,6 +16,7 @@ use super::image_settings::warning_of_part;
 use super::image_text::{LEAST_SHOWN, dropped_in_words};
 use super::image_values::SolverName;
 use super::outputs::{PendingFile, about, choice_json, dropped_json, solver_json};
+use super::progress_bar::with_steps;
 use super::recording::{Recording, read_recording};
 use super::standard_output::complain;
 use crate::config::SourceFile;
@@ -70,8 +71,8 @@ pub(super) fn run(
         complain(&warning);
     }
     let solver = solver_of(command, area_of(&grid));
-    let volume = reconstruct_volume(&links, grid, &solver)
-        .map_err(|problem| refused(why_no_volume(problem, &grid)))?;
+    let made = with_steps(|watch| reconstruct_volume(&links, grid, &solver, watch));
+    let volume = made.map_err(|problem| refused(why_no_volume(problem, &grid)))?;
     if volume.used < links.len() {
         dropped.insert(DropReason::OutsideArea, links.len() - volume.used);
     }

@@ -27,7 +27,8 @@ use super::node_settings::NodeSettingsBook;
 use super::orders::{OrderRequest, OrderWord, STOP_WITHIN};
 use super::outbox::{Outbox, Shown};
 use super::playback::Playback;
-use super::told::{Place, as_text};
+use super::texts;
+use super::told::Place;
 use crate::config::{Config, Venue, to_toml};
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
@@ -310,9 +311,9 @@ impl PageServer {
         let right = self
             .gate
             .right_of(said.token.as_deref().unwrap_or_default())?;
-        let welcome = self.place.welcome(id.0, right == Right::Operate);
+        let welcome = texts::welcome(&self.place, &self.board, id.0, right == Right::Operate);
         let newest = newest(&self.board, present, &self.history);
-        page.outbox = Some(Outbox::new(now, &as_text(&welcome), &newest));
+        page.outbox = Some(Outbox::new(now, &welcome, &newest));
         page.secret = said.secret;
         page.wanted = self.is_over.then_some(WantedTime::Past {
             at_s: 0.0,

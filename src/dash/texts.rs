@@ -23,7 +23,7 @@ use super::told::{
     Marker, Markers, Marks, Moment, OpenStop, Orders, Place, ProgressRow, Showing, StopName,
     TimetableRow, ToldEvent, ToldFind, ToldMark, ToldOrder, ToldPlan, ToldProgress, ToldRun,
     ToldStop, ToldTimetable, ToldTrack, ToldVehicle, TruePerson, Truth, VehicleHealth,
-    VehicleMission, Way, as_text,
+    VehicleMission, Way, Welcome, as_text,
 };
 use crate::config::{GivenMission, Venue};
 use crate::geom::{Point, Polygon, Rect};
@@ -57,6 +57,19 @@ pub fn place(venue: &Venue, showing: Showing) -> Place {
         sensors: None,
         ghost: None,
     }
+}
+
+/// Returns the first text of the connection of a page: also what there is for its first picture.
+pub fn welcome(place: &Place, board: &Board, page: u32, may_order: bool) -> String {
+    let subjects = [ImageSubject::Structure, ImageSubject::Change];
+    let images = subjects.into_iter().filter(|of| board.image(*of).is_some());
+    as_text(&Welcome {
+        place: place.clone(),
+        page,
+        may_order,
+        tiles: board.map().addresses().count(),
+        images: images.map(subject_number).collect(),
+    })
 }
 
 /// Returns what truly stands in the scene of a simulation: outlines at antenna height, and persons.

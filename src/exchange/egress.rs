@@ -6,7 +6,7 @@
 //! the newest is kept.
 //!
 //! What is said again and again *piggybacks*: it waits for the next frame that goes at once, and goes with it, or after half
-//! a second by itself.
+//! a second by itself. A Health that names a trouble does not.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -61,6 +61,8 @@ impl OutboundFrame {
         let piggybacks = match message {
             // Who did not hear that it shall stop waits for nothing.
             Message::Standing(stops) if !stops.open.is_empty() => Piggyback::Never,
+            // Somebody may have to act on it.
+            Message::Health(health) if !health.troubles.is_empty() => Piggyback::Never,
             _ => row.piggybacks,
         };
         Ok(OutboundFrame {
@@ -125,7 +127,7 @@ pub struct Egress {
     waiting: BTreeMap<Urgency, WaitingClass>,
     /// What waits for another frame to travel with, and until when.
     for_company: VecDeque<(Time, OutboundFrame)>,
-    /// What was said last, and when, of each topic of which repeats piggyback.
+    /// What was said last, and when, of each topic that may piggyback.
     said: BTreeMap<Topic, (Time, Vec<u8>)>,
     dropped: u64,
 }
@@ -156,8 +158,8 @@ impl Egress {
             self.wait_for_company(now, offered);
             return Vec::new();
         }
-        if row(offered.topic.kind).piggybacks == Piggyback::Repeats {
-            self.withdraw(offered.topic);
+        if row(offered.topic.kind).piggybacks != Piggyback::Never {
+            self.withdraw_older(&offered);
         }
         let mut goes = Vec::from_iter(self.offer_alone(now, offered));
         if !goes.is_empty() {
@@ -173,17 +175,21 @@ impl Egress {
         newest.is_some_and(|(_, newest)| *newest != frame.frame)
     }
 
-    /// Drops what has waited for company of a topic: what goes by itself is newer.
-    fn withdraw(&mut self, topic: Topic) {
-        self.for_company.retain(|(_, frame)| frame.topic != topic);
-        if let Some(waiting) = self.waiting.get_mut(&PIGGYBACK_CLASS) {
-            waiting.withdraw(topic);
+    /// Drops what has waited for company of a topic: what goes by itself is newer. What waits for the budget in the class of the
+    /// newer one leaves its place to it ([`WaitingClass::push`]).
+    fn withdraw_older(&mut self, newer: &OutboundFrame) {
+        self.for_company
+            .retain(|(_, frame)| frame.topic != newer.topic);
+        if let Some(waiting) = self.waiting.get_mut(&PIGGYBACK_CLASS)
+            && newer.class != PIGGYBACK_CLASS
+        {
+            waiting.withdraw(newer.topic);
         }
     }
 
-    /// Notes what is said of a kind of which repeats piggyback; returns whether it was said a while ago.
+    /// Notes what is said of a kind that may piggyback; returns whether it was said a while ago.
     fn note_said(&mut self, now: Time, offered: &OutboundFrame) -> bool {
-        if row(offered.topic.kind).piggybacks != Piggyback::Repeats {
+        if row(offered.topic.kind).piggybacks == Piggyback::Never {
             return false;
         }
         let said = (now, offered.frame.clone());
@@ -542,8 +548,12 @@ mod tests {
         OutboundFrame::of(&message).unwrap()
     }
 
-    fn have() -> OutboundFrame {
-        OutboundFrame::of(&Message::Have(tomoswarm_proto::Have::default())).unwrap()
+    fn have(store: u64) -> OutboundFrame {
+        OutboundFrame::of(&Message::Have(tomoswarm_proto::Have {
+            store,
+            ..tomoswarm_proto::Have::default()
+        }))
+        .unwrap()
     }
 
     #[test]
@@ -556,7 +566,52 @@ mod tests {
         assert_eq!(goes(2.1, mission(4)), 1);
         assert_eq!(egress.next(), None, "the repeat was withdrawn");
         assert!(egress.is_outdated(&mission(5)) && !egress.is_outdated(&mission(4)));
-        assert!(!egress.is_outdated(&have()));
+        assert!(!egress.is_outdated(&have(0)));
+    }
+
+    #[test]
+    fn what_another_thread_carries_is_outdated_once_something_newer_waits() {
+        let mut egress = Egress::new(64_000);
+        assert_eq!(egress.offer(at(1.0), have(1)), []);
+        let carried = egress.offer(at(1.1), mission(5));
+        assert_eq!(carried.len(), 2);
+        assert!(!carried.iter().any(|frame| egress.is_outdated(frame)));
+        assert_eq!(egress.offer(at(1.2), have(2)), []);
+        let is_outdated: Vec<bool> = carried.iter().map(|of| egress.is_outdated(of)).collect();
+        assert_eq!(is_outdated, [false, true]);
+    }
+
+    #[test]
+    fn news_that_wait_for_the_budget_keep_the_place_of_older_ones() {
+        let mut egress = spent();
+        egress.offer(at(0.0), mission(5));
+        egress.offer(at(0.0), frame(Urgency::High, "state", 500));
+        egress.offer(at(0.0), mission(4));
+        let all = std::iter::from_fn(|| egress.due(egress.next()?));
+        let classes: Vec<_> = all.map(|frame| (frame.class, frame.frame.len())).collect();
+        let of_mission = mission(4).frame.len();
+        assert_eq!(
+            classes[..2],
+            [(Urgency::High, of_mission), (Urgency::High, 500)]
+        );
+    }
+
+    #[test]
+    fn a_health_with_a_trouble_goes_at_once_and_an_older_one_not_after_it() {
+        let health = |troubles: &[&str]| {
+            let troubles = troubles.iter().map(ToString::to_string).collect();
+            let health = tomoswarm_proto::Health {
+                troubles,
+                ..tomoswarm_proto::Health::default()
+            };
+            OutboundFrame::of(&Message::Health(health)).unwrap()
+        };
+        let mut egress = Egress::new(64_000);
+        assert_eq!(egress.offer(at(1.0), health(&[])), []);
+        let failed = health(&["radio: it has gone"]);
+        assert_eq!(egress.offer(at(1.1), failed.clone()), [failed]);
+        assert_eq!(egress.next(), None, "what waited was withdrawn");
+        assert_eq!(egress.offer(at(1.2), health(&[])), []);
     }
 
     #[test]

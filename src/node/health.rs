@@ -3,8 +3,8 @@
 //! as other troubles are known than were said last. It judges nothing: what is a reason not to start is the reader's
 //! matter.
 //!
-//! It has no deadline: facts come once a second, and a trouble that time alone makes, an autopilot that says nothing, is
-//! noticed with them.
+//! It has no deadline: facts come once a second, live also as soon as a device is seen to fail, and a trouble that time alone
+//! makes, an autopilot that says nothing, is noticed with them.
 
 use std::fmt;
 use std::time::Duration;

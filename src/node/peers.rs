@@ -359,13 +359,13 @@ impl Peers {
 }
 
 impl Peer {
-    /// Takes a place that only a beacon tells.
     /// Returns whether a place tells of a motion.
     fn is_elsewhere(&self, pose: Pose) -> bool {
         let turned_rad = (pose.heading - self.anchor.heading).radians().abs();
         self.anchor.at.distance_to(pose.at) > MOVED_M || turned_rad > TURNED_RAD
     }
 
+    /// Takes a place that only a beacon tells.
     fn place(&mut self, now: Time, pose: Pose) {
         if self.is_elsewhere(pose) {
             (self.anchor, self.moved_at) = (pose, now);

@@ -21,7 +21,9 @@
 
 use std::fmt;
 
-use tomoswarm_proto::{Beacon, Boot, Fix, Interest, Message, OpenStops, RunId, Sample, Sender};
+use tomoswarm_proto::{
+    Beacon, Boot, Control, Fix, Interest, Message, OpenStops, RunId, Sample, Sender,
+};
 
 use super::memory::{Remembered, VehicleMemory};
 use super::{health, map, mission, outbox, radio, sensor, vehicle};
@@ -370,9 +372,12 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
         vehicle::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         vehicle::Out::Order(order) => to.push(Destination::Mission(mission::In::Order(order))),
         vehicle::Out::Publish(state) => {
-            let is_armed = state.is_armed;
+            let (is_armed, control) = (state.is_armed, state.control);
             to.push(Destination::Edge(Effect::Publish(Message::State(state))));
-            to.push(Destination::Health(health::In::State { is_armed }));
+            // That the autopilot is silent is said without having heard it.
+            if control != Control::Silent {
+                to.push(Destination::Health(health::In::State { is_armed }));
+            }
         }
         vehicle::Out::SafetyEvent(event) => {
             to.push(Destination::Mission(mission::In::SafetyEvent(
@@ -411,7 +416,7 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Digest, Hello, OperatorId, TileRequest, VehicleId};
+    use tomoswarm_proto::{Digest, Hello, OperatorId, State, TileRequest, VehicleId};
 
     /// Returns of whom a mission hears when a sender says a message.
     fn heard(sender: Sender, message: Message) -> Vec<Sender> {
@@ -442,6 +447,22 @@ mod tests {
         assert!(!asks(operator, vec![Interest::Fleet]));
         assert!(!asks(Sender::Ground, vec![Interest::Looks]));
         assert!(!asks(Sender::Vehicle(VehicleId(2)), vec![Interest::Looks]));
+    }
+
+    #[test]
+    fn a_state_that_says_that_the_autopilot_is_silent_is_no_sign_of_it() {
+        let tells_health = |control| {
+            let state = State {
+                control,
+                ..State::default()
+            };
+            let mut to = Vec::new();
+            route(Output::Vehicle(vehicle::Out::Publish(state)), &mut to);
+            let is_told =
+                |of: &Destination| matches!(of, Destination::Health(health::In::State { .. }));
+            to.iter().any(is_told)
+        };
+        assert!(tells_health(Control::Ours) && !tells_health(Control::Silent));
     }
 
     #[test]

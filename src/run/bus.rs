@@ -332,8 +332,8 @@ impl Shared {
     fn send(&self, frame: OutboundFrame) {
         // What travels with something else may be older than what its own thread has just sent: that is seen here, but for the
         // moment in which the library takes it.
-        let is_said_again = row(frame.topic.kind).piggybacks == Piggyback::Repeats;
-        if is_said_again && lock(&self.exchange).is_outdated(&frame) {
+        let may_wait = row(frame.topic.kind).piggybacks != Piggyback::Never;
+        if may_wait && lock(&self.exchange).is_outdated(&frame) {
             return;
         }
         let Some(session) = self

@@ -1,5 +1,6 @@
 //! The operator's page on a port of this machine: an operator on the bus, what its pages are served ([`crate::dash`]), and a
-//! server of HTTP (`http`, the only place that names its library). This loop carries words between them and decides nothing.
+//! server of HTTP (`http` with its folder, `connections` and `tls`, which alone name its library). This loop carries words between
+//! them and decides nothing.
 //!
 //! ```text
 //!   bus ◄──► operator ◄──► this loop: PageServer ◄──requests── server thread ◄──► pages

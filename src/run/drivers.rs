@@ -29,6 +29,7 @@ pub mod servo;
 pub mod usb_adapter;
 
 use std::io;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use tomoswarm_proto::{AutopilotHealth, Boot, RadioHealth, RangeHealth};
@@ -56,7 +57,12 @@ pub struct VehicleDevices {
     radio: Radio,
     /// The pulse that the servo must have before the sensor is asked that was steered last.
     awaited: Mutex<Option<WantedPulse>>,
+    /// How many of them were in trouble when their troubles were named last.
+    named: AtomicUsize,
 }
+
+/// What is wrong with each device of a vehicle, by its name, if anything is.
+type DeviceTroubles = [(&'static str, Option<String>); 4];
 
 impl VehicleDevices {
     /// Starts the drivers that a vehicle's file names. A device that is not there is no error: it is looked for for ever.
@@ -91,6 +97,7 @@ impl VehicleDevices {
             servo,
             radio,
             awaited: Mutex::new(None),
+            named: AtomicUsize::new(0),
         })
     }
 
@@ -145,11 +152,11 @@ impl VehicleDevices {
             Some(trouble) => troubles.raise(who, trouble),
             None => troubles.clear(who),
         };
-        watch("range sensor", self.range.trouble());
-        let on_autopilot = || self.autopilot.servo_trouble();
-        watch("servo", self.servo.trouble().or_else(on_autopilot));
-        watch("autopilot link", self.autopilot.trouble());
-        watch("radio", self.radio.trouble());
+        let own = self.troubles();
+        self.named.store(count_of(&own), Ordering::Relaxed);
+        for (who, trouble) in own {
+            watch(who, trouble);
+        }
         let Some(world) = &self.world else { return };
         watch(
             "world",
@@ -161,6 +168,22 @@ impl VehicleDevices {
                 LinkState::Refused(refused) => Some(refused.to_string()),
             },
         );
+    }
+
+    /// Returns whether more devices are in trouble than [`VehicleDevices::watch`] has named; costs next to nothing while none
+    /// is.
+    pub fn has_new_trouble(&self) -> bool {
+        count_of(&self.troubles()) > self.named.load(Ordering::Relaxed)
+    }
+
+    fn troubles(&self) -> DeviceTroubles {
+        let on_autopilot = || self.autopilot.servo_trouble();
+        [
+            ("range sensor", self.range.trouble()),
+            ("servo", self.servo.trouble().or_else(on_autopilot)),
+            ("autopilot link", self.autopilot.trouble()),
+            ("radio", self.radio.trouble()),
+        ]
     }
 
     /// Returns what the range sensor has done; `None` for a vehicle that has none.
@@ -196,6 +219,13 @@ impl VehicleDevices {
             world.send(effect);
         }
     }
+}
+
+fn count_of(troubles: &DeviceTroubles) -> usize {
+    troubles
+        .iter()
+        .filter(|(_, trouble)| trouble.is_some())
+        .count()
 }
 
 /// Begins to connect to the world; what it says is told when a simulated device says it.

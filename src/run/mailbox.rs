@@ -758,6 +758,7 @@ mod tests {
     #[test]
     fn what_may_wait_is_read_in_time_however_far_off_the_deadline_is() {
         for deadline_ms in [70, 1000, 20_000] {
+            let began = Instant::now();
             let (context, _ended) = context();
             let (outputs, heard) = channel();
             let mailbox = Mailbox::new("echo");
@@ -773,9 +774,12 @@ mod tests {
             std::thread::sleep(Duration::from_millis(10));
             let told_at = Instant::now();
             mailbox.tell(Told(WAITS));
-            let told = heard.iter().find(|(what, _)| *what == WAITS).unwrap();
+            let mut until_it_comes = std::iter::from_fn(|| heard.recv_timeout(SOON).ok());
+            let told = until_it_comes.find(|(what, _)| *what == WAITS).unwrap();
             let lay = told.1.duration_since(told_at);
             match deadline_ms {
+                // Told after the deadline, if the machine was busy until then, it lies as long as any other.
+                70 if told_at >= began + Duration::from_millis(70) => {}
                 70 => assert!(lay < LIES_UNREAD, "it is read with the deadline: {lay:?}"),
                 _ => assert!(lay >= LIES_UNREAD && lay < LIES_UNREAD * 8, "{lay:?}"),
             }

@@ -1,11 +1,12 @@
 //! What the process of a vehicle and that of the ground station have in common: it greets, feeds the watchdog, looks for
-//! actors that are stuck, and ends in order.
+//! actors that are stuck, and ends in order. It looks after its node once a second, and at once when it is asked to.
 //!
 //! ```text
 //!   start ─► asking ─► member ──────────────► asked to stop ─► in order: actors, disk, bus ─► exit 0
 //!               │ refused: exit 2   │ fault: the same order, exit 1
 //! ```
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender as EndingSender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -65,11 +66,29 @@ impl StopRequest {
     }
 }
 
+/// Asks a process to look after its node at once, from any thread, and wakes it for it; a handle.
+#[derive(Clone, Debug)]
+pub struct LookRequest {
+    is_asked: Arc<AtomicBool>,
+    endings: EndingSender<Ending>,
+}
+
+impl LookRequest {
+    /// Asks; what is asked again before it has looked is one look.
+    pub fn ask(&self) {
+        if !self.is_asked.swap(true, Ordering::AcqRel) {
+            // It wakes; that nobody has asked it to end is seen then.
+            let _ = self.endings.send(Ending::Asked);
+        }
+    }
+}
+
 /// The common part of a process.
 pub struct Process {
     context: RuntimeContext,
     endings: Receiver<Ending>,
     stop: StopRequest,
+    look: LookRequest,
     ticked: Time,
 }
 
@@ -78,6 +97,10 @@ impl Process {
     pub fn begin(stop: &StopRequest) -> Process {
         let (endings, ended) = channel();
         lock(&stop.0).endings = Some(endings.clone());
+        let look = LookRequest {
+            is_asked: Arc::default(),
+            endings: endings.clone(),
+        };
         let context = RuntimeContext {
             clock: Clock::start(),
             troubles: Troubles::default(),
@@ -87,6 +110,7 @@ impl Process {
             context,
             endings: ended,
             stop: stop.clone(),
+            look,
             ticked: Time::ZERO,
         }
     }
@@ -94,6 +118,11 @@ impl Process {
     /// Returns what all threads share.
     pub fn context(&self) -> &RuntimeContext {
         &self.context
+    }
+
+    /// Returns the handle by which it is asked to look after its node at once.
+    pub fn look_request(&self) -> LookRequest {
+        self.look.clone()
     }
 
     /// Goes on the bus.
@@ -120,14 +149,14 @@ impl Process {
                 return None;
             }
             let wait = next.since(self.context.clock.now()).min(LOOKS_EVERY);
-            if let Ok(ending) = self.endings.recv_timeout(wait) {
-                return Some(finish_of(ending));
+            if let Some(finish) = self.wait(wait) {
+                return Some(finish);
             }
         }
     }
 
     /// Keeps the process going until it is asked to stop or cannot go on. `busy_for` gives how long the busiest vital
-    /// actor has been acting; `tick` is called once a second.
+    /// actor has been acting; `tick` is called once a second, and at once when it was asked for ([`LookRequest`]).
     pub fn keep(
         &mut self,
         member: &mut BusMember,
@@ -145,7 +174,7 @@ impl Process {
             if busy_for(now) < STUCK_AFTER {
                 notify(&[NotifyState::Watchdog]);
             }
-            if now.since(self.ticked) >= TICK {
+            if self.takes_up_look(now) {
                 self.ticked = now;
                 tick(now, member, &self.context.troubles);
             }
@@ -158,20 +187,28 @@ impl Process {
                 false => now + LOOKS_EVERY,
             };
             let wait = next.min(due).since(self.context.clock.now());
-            match self.endings.recv_timeout(wait) {
-                // The request is seen in the next round.
-                Ok(Ending::Asked) => {}
-                Ok(ending) => return finish_of(ending),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+            if let Some(finish) = self.wait(wait) {
+                return finish;
             }
         }
     }
-}
 
-fn finish_of(ending: Ending) -> Finish {
-    match ending {
-        Ending::Asked => Finish::Asked,
-        Ending::Fault(_) | Ending::Refused(_) | Ending::Outdated(_) => Finish::Ending(ending),
+    /// Returns whether the node is to be looked after now; a look that was asked for is this one.
+    fn takes_up_look(&self, now: Time) -> bool {
+        let is_asked = self.look.is_asked.swap(false, Ordering::AcqRel);
+        is_asked || now.since(self.ticked) >= TICK
+    }
+
+    /// Waits so long, or until it is woken; returns how it ends when it cannot go on.
+    fn wait(&self, lasts: Duration) -> Option<Finish> {
+        match self.endings.recv_timeout(lasts) {
+            // What it was asked for is seen in the next round.
+            Ok(Ending::Asked) => None,
+            Ok(ending @ (Ending::Fault(_) | Ending::Refused(_) | Ending::Outdated(_))) => {
+                Some(Finish::Ending(ending))
+            }
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
+        }
     }
 }
 
@@ -179,5 +216,46 @@ fn finish_of(ending: Ending) -> Finish {
 fn notify(states: &[NotifyState]) {
     if let Err(error) = sd_notify::notify(states) {
         tracing::debug!("the service manager cannot be told: {error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+
+    const LONG: Duration = Duration::from_secs(20);
+
+    #[test]
+    fn a_process_that_is_asked_to_look_wakes_for_it_and_looks_once() {
+        let process = Process::begin(&StopRequest::default());
+        let (look, began) = (process.look_request(), Instant::now());
+        assert!(!process.takes_up_look(Time::ZERO));
+        let asking = std::thread::spawn(move || {
+            look.ask();
+            look.ask();
+        });
+        assert_eq!(process.wait(LONG), None);
+        assert!(began.elapsed() < LONG / 2, "it has slept on");
+        asking.join().unwrap();
+        assert!(process.takes_up_look(Time::ZERO));
+        assert!(!process.takes_up_look(Time::ZERO), "it was one look");
+        assert!(
+            process.takes_up_look(Time::ZERO + TICK),
+            "one comes with every second"
+        );
+    }
+
+    #[test]
+    fn a_process_that_is_asked_to_end_wakes_for_it_and_a_fault_ends_it() {
+        let stop = StopRequest::default();
+        let process = Process::begin(&stop);
+        stop.ask();
+        assert_eq!(process.wait(LONG), None);
+        assert!(process.stop.is_asked());
+        let refused = Ending::Refused("its id is in use".to_owned());
+        process.context.endings.send(refused.clone()).unwrap();
+        assert_eq!(process.wait(LONG), Some(Finish::Ending(refused)));
     }
 }

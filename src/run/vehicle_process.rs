@@ -25,7 +25,7 @@ use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
 use super::node_threads::{LiveNode, Threads};
-use super::process::{Finish, Process, StopRequest};
+use super::process::{Finish, LookRequest, Process, StopRequest};
 use super::program_file::watch_program;
 use super::roster_watch::RosterWatch;
 use super::self_report::SelfReport;
@@ -116,6 +116,7 @@ struct Edge {
     node: LiveVehicle,
     machine: Machine,
     clock: Clock,
+    look: LookRequest,
 }
 
 impl Edge {
@@ -125,7 +126,13 @@ impl Edge {
             | Effect::Fix(..)
             | Effect::Steer(_)
             | Effect::Ping(_)
-            | Effect::Transmit(_) => self.devices.carry_out(&effect),
+            | Effect::Transmit(_) => {
+                self.devices.carry_out(&effect);
+                // That one has failed is noticed whenever one is used, so that no thread wakes to look for it.
+                if self.devices.has_new_trouble() {
+                    self.look.ask();
+                }
+            }
             Effect::Publish(message) => {
                 if let Message::State(state) = message {
                     self.later.say(state.sequence);
@@ -161,7 +168,7 @@ fn is_trouble(event: &VehicleEvent) -> bool {
     )
 }
 
-/// Runs a vehicle until it is asked to stop or cannot go on. `status` is called once a second.
+/// Runs a vehicle until it is asked to stop or cannot go on. `status` is called once a second, and when a device fails.
 ///
 /// # Errors
 /// It cannot begin.
@@ -239,6 +246,7 @@ pub fn run(
         node: node.clone(),
         machine: Machine::watch(Path::new("/"))?,
         clock,
+        look: process.look_request(),
     });
     let of_actors = edge.clone();
     let name = format!("vehicle/{}", file.id);

@@ -180,6 +180,9 @@ impl GroundStore {
                 if schema::version(transaction)? < 3 {
                     transaction.execute_batch(&schema::from_2_to_3())?;
                 }
+                if schema::version(transaction)? < 4 {
+                    transaction.execute_batch(schema::FROM_3_TO_4)?;
+                }
             }
             let found: String =
                 transaction.query_row("SELECT venue_hash FROM store", [], |row| row.get(0))?;
@@ -294,14 +297,14 @@ impl GroundStore {
             return Ok(());
         };
         let Image { grid, values } = &made.image;
-        let data: Vec<u8> = values
-            .iter()
-            .flat_map(|value| (*value as f32).to_le_bytes())
-            .collect();
+        let bytes = |values: &[f64]| -> Vec<u8> {
+            let numbers = values.iter().map(|value| *value as f32);
+            numbers.flat_map(f32::to_le_bytes).collect()
+        };
         let peaks: Vec<_> = made.peaks.iter().map(peak_json).collect();
         self.write(|transaction| {
             transaction.execute(
-                "INSERT OR REPLACE INTO images VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO images VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 params![
                     picture.run.0,
                     picture.laps as i64,
@@ -316,8 +319,9 @@ impl GroundStore {
                     made.used as i64,
                     made.residual_rms_db,
                     json!(peaks).to_string(),
-                    data,
-                    json!(made.finds).to_string()
+                    bytes(values),
+                    json!(made.finds).to_string(),
+                    made.deviation.as_deref().map(bytes)
                 ],
             )?;
             Ok(())

@@ -50,6 +50,6 @@ pub(crate) use {
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes
 /// do not say whose they are.
-const FORMAT: &str = "42";
+const FORMAT: &str = "43";
 /// The version of the software; snapshots are only read by the same.
 const VERSION: &str = env!("CARGO_PKG_VERSION");

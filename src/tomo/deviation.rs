@@ -271,6 +271,7 @@ mod tests {
     use crate::geom::{Point, Rect, Segment};
     use crate::tomo::WeightModel;
     use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
 
     fn grid(columns: usize, rows: usize) -> PixelGrid {
         PixelGrid {
@@ -403,6 +404,36 @@ mod tests {
                     .all(|(after, before)| *after <= before + 1e-12)
             );
             before = after;
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+        #[test]
+        fn that_of_a_sparse_image_never_grows_with_other_links_either(
+            values in prop::collection::vec(prop_oneof![3 => Just(0.0), 1 => 0.0..4.0], 72),
+            noise_db2 in prop::collection::vec(0.3..5.0, 60),
+            (fewer, more) in (0_usize..60, 1_usize..60),
+        ) {
+            let (grid, links) = (grid(9, 8), links());
+            let of = |count: usize| {
+                let rows = rows(&grid, &links[..count]);
+                let inputs = PosteriorInputs {
+                    grid,
+                    most_blocks: 1600,
+                    prior: PRIOR,
+                    rows: &rows,
+                    room: &[],
+                    noise_db2: &noise_db2[..count],
+                    nuisance: &[],
+                };
+                sparse_deviation(&inputs, &values).unwrap()
+            };
+            let (before, after) = (of(fewer), of((fewer + more).min(60)));
+            for (after, before) in after.iter().zip(&before) {
+                prop_assert!(*after <= before + 1e-9, "{after} of {before}");
+            }
         }
     }
 

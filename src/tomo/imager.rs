@@ -465,8 +465,10 @@ impl Imager {
         watch: Watch<'_>,
     ) -> Solved {
         let nuisance = nuisance_of(calibrated);
+        let pixels = self.settings.grid.len();
+        let projector = solvers::projector(&self.settings.solver, rows, pixels);
         let problem = LinkProblem {
-            rows,
+            projector: &projector,
             boxes: BoxGrid::of_pixels(&self.settings.grid),
             observations: &calibrated.observations,
             nuisance: &nuisance,
@@ -498,7 +500,7 @@ impl Imager {
         let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
         let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
         let problem = MapProblem {
-            rows: problem.rows,
+            rows: problem.projector.rows(),
             covariance: &self.covariance,
             attenuation_db: &attenuation_db,
             variance_db2: &variance_db2,
@@ -565,5 +567,7 @@ fn words(dropped: &DroppedLinks, shortest_m: f64) -> String {
     dropped.iter().map(part).collect::<Vec<_>>().join(", ")
 }
 
+#[cfg(test)]
+mod properties;
 #[cfg(test)]
 mod tests;

@@ -8,13 +8,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::cholesky::{add_scaled, dot};
-use super::padded_rows::{PaddedRows, ROUNDING};
 use super::prior::{Covariance, Workspace};
+use super::projector::Projector;
 use super::student;
 use super::weights::WeightRows;
-
-/// Weights are rounded where a solve ends this far above what that changes.
-const LEAST_OVER_ROUNDING: f64 = 1000.0;
 
 /// A column H of unknowns that are not pixels (path loss), with the prior variance of its coefficient.
 #[derive(Clone, PartialEq, Debug)]
@@ -168,19 +165,13 @@ struct Solver<'a> {
     whitened: Vec<f64>,
     /// y − W x − H b.
     residual_db: Vec<f64>,
-    /// The weights again, where that is faster.
-    padded: Option<PaddedRows>,
+    projector: Projector<'a>,
     work: Workspace,
 }
 
 impl<'a> Solver<'a> {
     fn new(problem: &'a MapProblem<'a>, tolerance: f64) -> Solver<'a> {
         let pixels = problem.covariance.pixels();
-        let may_round = tolerance >= LEAST_OVER_ROUNDING * ROUNDING;
-        let padded = match may_round {
-            true => PaddedRows::of(problem.rows, pixels),
-            false => None,
-        };
         let unknowns = vec![0.0; pixels + problem.nuisance.len()];
         Solver {
             problem,
@@ -189,7 +180,7 @@ impl<'a> Solver<'a> {
             whitened: unknowns.clone(),
             unknowns,
             residual_db: problem.attenuation_db.to_vec(),
-            padded,
+            projector: Projector::of(problem.rows, pixels, tolerance),
             work: Workspace::default(),
         }
     }
@@ -235,10 +226,7 @@ impl<'a> Solver<'a> {
         let weighed: Vec<f64> = weighed.collect();
         let mut back = vec![0.0; self.unknowns.len()];
         let (pixels, nuisance) = back.split_at_mut(self.pixels);
-        match &self.padded {
-            Some(rows) => rows.backward(&weighed, pixels),
-            None => self.problem.rows.backward(&weighed, pixels),
-        }
+        self.projector.backward(&weighed, pixels);
         for (coefficient, column) in nuisance.iter_mut().zip(self.problem.nuisance) {
             *coefficient = dot(&column.column, &weighed);
         }
@@ -248,10 +236,7 @@ impl<'a> Solver<'a> {
     /// Computes the residuals of the unknowns as they are.
     fn set_residuals(&mut self) {
         let (image, nuisance) = self.unknowns.split_at(self.pixels);
-        match &self.padded {
-            Some(rows) => rows.forward(image, &mut self.residual_db),
-            None => self.problem.rows.forward(image, &mut self.residual_db),
-        }
+        self.projector.forward(image, &mut self.residual_db);
         for (link, value) in self.residual_db.iter_mut().enumerate() {
             let columns = self.problem.nuisance.iter().zip(nuisance);
             let level_db: f64 = columns.map(|(of, factor)| of.column[link] * factor).sum();
@@ -273,7 +258,7 @@ impl<'a> Solver<'a> {
         let (back, sums) = output.split_at_mut(self.pixels);
         sums.fill(0.0);
         let columns = self.problem.nuisance;
-        let mut of_link = |link: usize, there: f64| {
+        let of_link = |link: usize, [there]: [f64; 1]| {
             let of_columns = columns.iter().zip(factors);
             let level: f64 = of_columns
                 .map(|(of, factor)| of.column[link] * factor)
@@ -282,16 +267,10 @@ impl<'a> Solver<'a> {
             for (sum, of) in sums.iter_mut().zip(columns) {
                 *sum += of.column[link] * weighed;
             }
-            weighed
+            [weighed]
         };
-        match &self.padded {
-            Some(rows) => rows.there_and_back(image, back, of_link),
-            None => {
-                let (image, back) = (image.as_chunks().0, back.as_chunks_mut().0);
-                let rows = self.problem.rows;
-                rows.there_and_back(image, back, |link, [there]| [of_link(link, there)]);
-            }
-        }
+        let (image, back) = (image.as_chunks().0, back.as_chunks_mut().0);
+        self.projector.there_and_back(image, back, of_link);
         add_scaled(output, whitened, 1.0);
     }
 
@@ -429,8 +408,28 @@ mod tests {
             most_steps: 500,
         };
         let got = problem.solve(settings, None);
-        let error = (DVector::from_vec(got.image.clone()) - &image).norm() / image.norm();
-        assert!(error < 1e-6, "{error}");
+        let error = |got: &MapSolution| {
+            (DVector::from_vec(got.image.clone()) - &image).norm() / image.norm()
+        };
+        assert!(error(&got) < 1e-6, "{}", error(&got));
+        // One that ends earlier, on rounded weights, is as good as it is asked to be, and no better.
+        let tolerance = 1e-4;
+        let draft = problem.solve(
+            MapSettings {
+                tolerance,
+                ..settings
+            },
+            None,
+        );
+        let warm = problem.solve(
+            MapSettings {
+                tolerance,
+                ..settings
+            },
+            Some(&draft.start),
+        );
+        assert!((1e-9..1e-3).contains(&error(&draft)), "{}", error(&draft));
+        assert!(error(&warm) < 1e-3 && warm.steps <= 2, "{}", error(&warm));
         for (k, residual) in got.residual_db.iter().enumerate() {
             assert!((residual - dual[k] * s2[k]).abs() < 1e-6);
             let explained: f64 = rows

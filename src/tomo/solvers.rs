@@ -32,6 +32,8 @@ use super::Observation;
 use super::box_grid::BoxGrid;
 use super::map_solver::Nuisance;
 use super::progress::Watch;
+use super::projector::Projector;
+use super::settings::Solver;
 use super::student::doubted;
 use super::tikhonov::smoothed;
 use super::weights::WeightRows;
@@ -49,7 +51,7 @@ pub struct Candidates {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinkProblem<'a> {
     /// Rows = links, columns = pixels or voxels, metres.
-    pub rows: &'a WeightRows,
+    pub projector: &'a Projector<'a>,
     pub boxes: BoxGrid,
     pub observations: &'a [Observation],
     /// The unknowns of the path loss.
@@ -93,11 +95,31 @@ const THOROUGH: Effort = Effort {
     steps: 60,
 };
 
+/// To what share of it an image is known when [`THOROUGH`] ends, about.
+const KNOWN_TO: f64 = 1e-3;
+
+/// Returns the projector that a solver takes on so many pixels or voxels: its weights are rounded where it ends after a number of
+/// steps. (The solver `map` makes its own by where it is to end.)
+pub(super) fn projector<'a>(solver: &Solver, rows: &'a WeightRows, pixels: usize) -> Projector<'a> {
+    let known_to = match solver {
+        Solver::Map(..) | Solver::Tikhonov { .. } | Solver::Tsvd { .. } => 0.0,
+        Solver::Variation(_) | Solver::NonNegative(_) | Solver::Points(_) | Solver::Auto(_) => {
+            KNOWN_TO
+        }
+    };
+    Projector::of(rows, pixels, known_to)
+}
+
 /// Solves by smoothness; all links weigh the same.
 pub(super) fn tikhonov(problem: &LinkProblem<'_>, alpha: f64) -> Solved {
     let links = problem.observations.iter();
     let attenuation_db: Vec<f64> = links.map(|link| link.attenuation_db).collect();
-    let image = smoothed(problem.rows, &problem.boxes, &attenuation_db, alpha);
+    let image = smoothed(
+        problem.projector.rows(),
+        &problem.boxes,
+        &attenuation_db,
+        alpha,
+    );
     linearly_solved(problem, image)
 }
 
@@ -105,7 +127,8 @@ pub(super) fn tikhonov(problem: &LinkProblem<'_>, alpha: f64) -> Solved {
 pub(super) fn tsvd(problem: &LinkProblem<'_>, share: f64) -> Solved {
     let links = problem.observations.iter();
     let attenuation_db: Vec<f64> = links.map(|link| link.attenuation_db).collect();
-    let image = super::tsvd(problem.rows, problem.boxes.len(), &attenuation_db, share);
+    let rows = problem.projector.rows();
+    let image = super::tsvd(rows, problem.boxes.len(), &attenuation_db, share);
     linearly_solved(problem, image)
 }
 
@@ -179,7 +202,7 @@ fn chosen(
 fn vary_thoroughly(problem: &LinkProblem<'_>, variation: Variation) -> Solved {
     let used = [vec![true; problem.observations.len()]];
     let mut image = vec![[0.0]; problem.boxes.len()];
-    let mut solver = PrimalDual::new(problem.rows, problem.boxes, variation);
+    let mut solver = PrimalDual::new(problem.projector, problem.boxes, variation);
     let states = vary(problem, &used, THOROUGH, &mut solver, &mut image);
     solved(problem, &states, &image)
 }
@@ -211,7 +234,7 @@ fn descend<const LANES: usize>(
     sparse: Sparse,
     images: &mut [[f64; LANES]],
 ) -> [LinkState; LANES] {
-    let mut solver = Descent::new(problem.rows, problem.boxes, sparse);
+    let mut solver = Descent::new(problem.projector, problem.boxes, sparse);
     solve_robustly(
         problem,
         used,
@@ -225,8 +248,9 @@ fn descend<const LANES: usize>(
 
 /// Returns a solution of what is linear in the image, without path loss.
 fn linearly_solved(problem: &LinkProblem<'_>, image: Vec<f64>) -> Solved {
-    let mut explained_db = vec![0.0; problem.rows.len()];
-    problem.rows.forward(&image, &mut explained_db);
+    let mut explained_db = vec![0.0; problem.observations.len()];
+    let rows = problem.projector.rows();
+    rows.forward(&image, &mut explained_db);
     let links = problem.observations.iter().zip(explained_db);
     let residual_db: Vec<f64> = links
         .map(|(link, explained_db)| link.attenuation_db - explained_db)

@@ -9,7 +9,7 @@ mod map;
 
 use super::Observation;
 use super::box_grid::BoxGrid;
-use super::progress::Watch;
+use super::progress::{ImagingStep, Watch};
 use super::settings::Solver;
 use super::solvers::{self, Choice, LinkProblem};
 use super::weights::WeightRows;
@@ -149,7 +149,7 @@ pub enum VolumeError {
 }
 
 /// Reconstructs a volume; links that do not touch it are passed over. What a solver believes is said as for pixels: what is
-/// alike in one layer so far is so as far upward.
+/// alike in one layer so far is so as far upward. `watch` is told each step when it begins.
 ///
 /// # Errors
 /// [`VolumeError`].
@@ -157,6 +157,7 @@ pub fn reconstruct_volume(
     links: &[VolumeLink],
     grid: VoxelGrid,
     solver: &Solver,
+    watch: &dyn Fn(ImagingStep),
 ) -> Result<Volume, VolumeError> {
     if grid.voxels() > MOST_VOXELS {
         return Err(VolumeError::TooManyVoxels);
@@ -174,12 +175,13 @@ pub fn reconstruct_volume(
         links if links > MOST_VOLUME_LINKS => return Err(VolumeError::TooManyLinks { links }),
         _ => {}
     }
+    let projector = solvers::projector(solver, &rows, grid.voxels());
     let problem = LinkProblem {
-        rows: &rows,
+        projector: &projector,
         boxes: BoxGrid::of_voxels(&grid),
         observations: &observations,
         nuisance: &[],
-        watch: Watch::NOBODY,
+        watch: Watch(watch),
     };
     let solved = match *solver {
         Solver::Map(prior, _) => map::solve(&problem, &grid, prior).ok_or(VolumeError::NoAnswer)?,

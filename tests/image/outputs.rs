@@ -198,6 +198,25 @@ fn what_makes_no_image_is_refused_with_the_reason() {
     let nan = samples(None, 11).replacen(",11,-", ",11,NaN-", 1);
     let words = ["nan.csv:2: found \"NaN-", "expected dBm from"];
     check_refused(&[("nan.csv", &nan)], &["nan.csv"], &words);
+    // Also where no image asks for it.
+    for (column, expected) in [
+        ("tx_sd_m", "expected metres from 0 to"),
+        ("rx_z_m", "expected metres from -"),
+        ("tx_heading_rad", "expected radians from"),
+        ("utc_error_s", "expected seconds from 0 to"),
+    ] {
+        let nan: String = samples(None, 11)
+            .lines()
+            .enumerate()
+            .map(|(line, text)| match line {
+                0 => format!("{text},{column}\n"),
+                7 => format!("{text},NaN\n"),
+                _ => format!("{text},\n"),
+            })
+            .collect();
+        let words = ["nan.csv:8: found \"NaN\"", expected];
+        check_refused(&[("nan.csv", &nan)], &["nan.csv"], &words);
+    }
 }
 
 #[test]

@@ -1,11 +1,14 @@
 //! The operator's page, as a real browser sees it and as strangers try it, against a swarm of separate processes.
 
+use std::fs::Permissions;
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use rustix::process::geteuid;
 use serde_json::json;
 use tomoswarm::config::{self, Config};
 use tomoswarm::run::bus::{BusSession, BusSettings};
@@ -338,6 +341,55 @@ fn a_port_that_is_in_use_is_said_and_refused() {
     );
 }
 
+#[test]
+fn what_may_not_be_read_or_listened_on_is_refused_with_its_reason() {
+    if geteuid().is_root() {
+        let _ = std::io::stderr().write_fmt(format_args!(
+            "skipped: what may not be read or listened on: root may everything\n"
+        ));
+        return;
+    }
+    let swarm = prepared();
+    let refused = |words: &[&str], reason: &str| {
+        let run = Command::new(PROGRAM)
+            .arg("dash")
+            .args(words)
+            .current_dir(swarm.folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stderr);
+        assert_eq!(run.status.code(), Some(2), "{words:?}: {said}");
+        assert!(said.contains(reason), "{words:?}: {said}");
+    };
+    // Containers may let everybody listen everywhere.
+    let first_free = std::fs::read_to_string("/proc/sys/net/ipv4/ip_unprivileged_port_start");
+    let first_free: u16 = first_free.unwrap_or_default().trim().parse().unwrap_or(0);
+    if first_free > 1 {
+        let reason = "127.0.0.1:1 cannot be listened on: Permission denied";
+        refused(&["operator.toml", "--port", "1"], reason);
+    }
+    let [files, recording] = ["files", "flight.mcap"].map(|name| swarm.path(name));
+    std::fs::create_dir(&files).unwrap();
+    std::fs::write(files.join("index.html"), "").unwrap();
+    std::fs::write(&recording, "").unwrap();
+    let allow = |mode: u32| {
+        for path in [&files, &recording] {
+            std::fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
+        }
+    };
+    allow(0);
+    refused(
+        &["operator.toml", "--port", "0", "--files", "files"],
+        "files/index.html: cannot be read: Permission denied",
+    );
+    refused(
+        &["--port", "0", "--replay", "flight.mcap"],
+        "flight.mcap: cannot be read: Permission denied",
+    );
+    // The folder is deleted afterwards.
+    allow(0o700);
+}
+
 /// A tile of which the western half is occupied and the eastern one free, as far as it lies outside of the fence.
 fn wall() -> TileReport {
     let cell = |place: usize| match (place / TILE_SIDE, place % TILE_SIDE) {
@@ -543,7 +595,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     golden_frames(&mut browser);
 
     browser.until("[...document.querySelectorAll('#vehicles td')].some((cell) => cell.textContent.includes('<img src=x'))", 10);
-    // Its trouble stands below its row, as wide as the table, and the row is described by it.
+    // Its trouble stands below its row, as wide as the table, and the row is described by it; so is what has no column.
     let troubles = browser.eval(
         "(() => { const row = document.querySelector('tr[data-vehicle=\"9\"]'), below = row.nextElementSibling.firstChild;
            const wide = below.offsetWidth >= 0.95 * document.getElementById('vehicles').offsetWidth;
@@ -551,6 +603,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
            return [/^[1-9]$/.test(row.lastChild.textContent), isDescribed, wide, below.offsetHeight < 100]; })()",
     );
     assert_eq!(troubles, json!([true, true, true, true]));
+    browser.until(&format!("/^hears: .* · autopilot: /.test({})", below(9)), 5);
     assert_eq!(
         browser.eval("document.querySelectorAll('#vehicles img').length"),
         0,
@@ -615,6 +668,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
         "/: start ./.test(document.querySelector('tr[data-vehicle=\"1\"]').children[4].textContent)",
         10,
     );
+    one_that_falls_silent_is_grey(&mut browser, &swarm);
     // A letter that chooses in a list holds nobody.
     browser.eval("(() => { document.getElementById('stop-result').textContent = ''; document.getElementById('time-speed').focus(); })()");
     browser.key("h", "KeyH", 72);
@@ -640,6 +694,31 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
+/// The text of the row below a vehicle's.
+fn below(vehicle: u8) -> String {
+    format!("document.querySelector('tr[data-vehicle=\"{vehicle}\"]').nextElementSibling.innerText")
+}
+
+/// The row of a vehicle that falls silent is grey and says for how long, and is as the others again when it speaks.
+fn one_that_falls_silent_is_grey(browser: &mut Browser, swarm: &Swarm) {
+    let row = "document.querySelector('tr[data-vehicle=\"2\"]')";
+    browser.until(&format!("!{row}.matches('.silent')"), 10);
+    swarm.stop(vehicle(2));
+    browser.until(
+        &format!(
+            "{row}.matches('.silent') && /^silent for [0-9]+ s$/.test({row}.children[1].textContent)
+             && parseFloat({row}.children[5].textContent) >= 2"
+        ),
+        10,
+    );
+    let is_grey = format!(
+        "getComputedStyle({row}).color !== getComputedStyle(document.getElementById('vehicles')).color"
+    );
+    assert_eq!(browser.eval(&is_grey), true);
+    swarm.go_on(vehicle(2));
+    browser.until(&format!("!{row}.matches('.silent')"), 10);
+}
+
 /// Presses heads of the table of vehicles: rows change places, and a row that has nothing comes last either way.
 fn sort_the_fleet(browser: &mut Browser) {
     let stand = "[...document.querySelectorAll('#vehicles tr[data-vehicle]')].map((row) => row.dataset.vehicle).join()";
@@ -655,8 +734,8 @@ fn sort_the_fleet(browser: &mut Browser) {
     // Vehicle 9 has troubles.
     hold(browser, &head(10), 0);
     order(browser, "9,1,2", "ascending");
-    // Each row of troubles went with its vehicle's.
-    let is_below = "[...document.querySelectorAll('#vehicles tr[data-vehicle]')].every((row) => row.nextElementSibling.firstChild.id === `troubles-${row.dataset.vehicle}`)";
+    // Each row below went with its vehicle's.
+    let is_below = "[...document.querySelectorAll('#vehicles tr[data-vehicle]')].every((row) => row.nextElementSibling.firstChild.id === `below-${row.dataset.vehicle}`)";
     assert_eq!(browser.eval(is_below), true);
     hold(browser, &head(1), 0);
     order(browser, "1,2,9", "ascending");
@@ -732,9 +811,10 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
     shot(&mut browser, "image");
     see_what_is_uncertain(&mut browser);
 
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    browser.expect_complaints(&["/scene2d.js\""]);
     browser.ask("Network.setBlockedURLs", json!({"urls": ["*/scene2d.js"]}));
     browser.go("about:blank");
-    browser.complaints.clear();
     browser.go(&dash.operate);
     browser.until("document.documentElement.dataset.mayStop === 'yes'", 10);
     assert_eq!(
@@ -923,6 +1003,8 @@ fn begin_a_mission(browser: &mut Browser) {
                const i = document.querySelector('#mission-keys input[name={key}]'); i.value = '{value}'; i.dispatchEvent(new Event('input', {{bubbles: true}})); }})()"
         )
     };
+    // What is refused stands in the console of the browser as an answer of 400.
+    browser.expect_complaints(&["status of 400", "/order\""]);
     browser.eval(&fill("sweep", "laps", "0"));
     let command = "document.getElementById('begin-command').textContent";
     browser.until(
@@ -950,10 +1032,6 @@ fn begin_a_mission(browser: &mut Browser) {
         "document.getElementById('given').innerText.includes('start pathfind')",
         10,
     );
-    // What was refused stands in the console of the browser as an answer of 400; that is meant.
-    browser
-        .complaints
-        .retain(|complaint| !complaint.contains("400"));
 }
 
 /// On a phone nothing is wider than the window, also with three dimensions, and Stop is seen and works by touch.
@@ -969,6 +1047,14 @@ fn on_a_phone(dash: &Dash) {
     browser.until(
         "document.querySelectorAll('#vehicles tr[data-vehicle]').length === 3",
         20,
+    );
+    // What has no column stands below.
+    browser.until(
+        &format!(
+            "/^ordered: .* · waiting: .* · hears: .* · autopilot: /.test({})",
+            below(1)
+        ),
+        5,
     );
     browser.eval("document.getElementById('view-space').click()");
     browser.until("tomoswarm.view.space?.frames > 0", 10);

@@ -7,15 +7,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use tomoswarm_proto::{Capability, Health, RangeSensorKind, State, VehicleId};
 
 use crate::swarm::{Size, Swarm, Watch, vehicle};
 
-/// A sensor that says a line twenty times a second, until it is dropped: then it is pulled out.
+/// A sensor that says a line twenty times a second while it is not mute, until it is dropped: then it is pulled out.
 struct Sensor {
+    is_mute: Arc<AtomicBool>,
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -33,15 +34,18 @@ pub fn serial_port(path: &Path) -> File {
 
 impl Sensor {
     fn plug(path: &Path, line: &'static [u8]) -> Sensor {
-        let is_over = Arc::new(AtomicBool::new(false));
-        let (seen, mut port) = (is_over.clone(), serial_port(path));
+        let [is_mute, is_over] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
+        let (mute, seen, mut port) = (is_mute.clone(), is_over.clone(), serial_port(path));
         let thread = std::thread::spawn(move || {
             while !seen.load(Ordering::Relaxed) {
-                port.write_all(line).unwrap();
+                if !mute.load(Ordering::Relaxed) {
+                    port.write_all(line).unwrap();
+                }
                 std::thread::sleep(Duration::from_millis(50));
             }
         });
         Sensor {
+            is_mute,
             is_over,
             thread: Some(thread),
         }
@@ -105,6 +109,62 @@ pub fn with_range(swarm: &Swarm, id: u8, range: &str) {
             "[servo]\ndriver = \"none\"\n",
         ),
     );
+}
+
+/// Waits until vehicle 1 says that something is wrong with its range sensor, or that nothing is; returns after how long.
+fn until_said(swarm: &Swarm, is_wrong: bool) -> Duration {
+    let began = Instant::now();
+    loop {
+        let is_said = swarm.look(|watch| {
+            let mut troubles = health(watch, 1)?.troubles.iter();
+            Some(troubles.any(|trouble| trouble.starts_with("range sensor")))
+        });
+        if is_said == Some(is_wrong) {
+            return began.elapsed();
+        }
+        assert!(began.elapsed() < Duration::from_secs(20), "it is not said");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_sensor_that_falls_silent_or_is_pulled_out_is_missed_soon() {
+    let mut swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
+    let port = swarm.path("sensor");
+    let settings = "scan_period_s = 0.1\nsettle_s = 0.01\nhalf_angle_deg = 30.0\n";
+    let table = format!("[range.serial-text]\nport = \"{}\"\n", port.display());
+    with_range(
+        &swarm,
+        1,
+        &format!("[range]\ndriver = \"serial-text\"\n{settings}{table}"),
+    );
+    let mut sensor = Sensor::plug(&port, b"R5000\r");
+    swarm.run();
+    for turn in 0..5 {
+        until_said(&swarm, false);
+        // At any moment between the looks of every second.
+        std::thread::sleep(Duration::from_millis(1500 + 170 * turn));
+        sensor.is_mute.store(true, Ordering::Relaxed);
+        let silent = until_said(&swarm, true);
+        sensor.is_mute.store(false, Ordering::Relaxed);
+        until_said(&swarm, false);
+        std::thread::sleep(Duration::from_millis(300 + 170 * turn));
+        drop(sensor);
+        let gone = until_said(&swarm, true);
+        sensor = Sensor::plug(&port, b"R5000\r");
+        swarm.note(&format!(
+            "silent: missed after {silent:?}; pulled out: missed after {gone:?}"
+        ));
+        // The ninth ping without an answer, or the one after it, shows that it is silent, a second after the last one with an
+        // answer at most; any ping shows that it is gone. The rest is left to a busy machine.
+        assert!(silent < Duration::from_secs(2), "{silent:?}");
+        assert!(gone < Duration::from_secs(1), "{gone:?}");
+    }
+    swarm.end_in_order();
 }
 
 #[test]

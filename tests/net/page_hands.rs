@@ -71,6 +71,7 @@ fn keys_fingers_and_links_do_what_the_page_says() {
     a_run_stays_chosen(&mut browser);
     a_stop_that_finds_no_connection_is_sent_until_it_is_delivered(&mut browser);
     the_list_of_keys_keeps_nobody_from_stop(&mut browser);
+    commands_are_named(&mut browser);
 
     browser.ask("Emulation.setLocaleOverride", json!({ "locale": "en-US" }));
     let midnight = "import('/model.js').then(({ timeOfDay }) => timeOfDay(new Date(Date.UTC(2026, 0, 1, 0, 5)), false))";
@@ -164,6 +165,29 @@ fn the_list_of_keys_keeps_nobody_from_stop(browser: &mut Browser) {
     browser.until(&format!("!{is_open}"), 5);
 }
 
+/// What is said beside the orders, and the seat, name their commands as well.
+fn commands_are_named(browser: &mut Browser) {
+    browser.eval("document.activeElement.blur(); 0");
+    browser.key("c", "KeyC", 67);
+    browser.until("document.querySelector('#cell code')", 10);
+    for (of, command) in [
+        ("#cell code", "tomoswarm tap CONFIG --kind tile --cells"),
+        (
+            "#seat-command code",
+            "tomoswarm order CONFIG start --take-over",
+        ),
+        (
+            "#why-command",
+            "tomoswarm image run-N-links.csv --empty run-M-links.csv --why X,Y",
+        ),
+    ] {
+        let named = browser.eval(&format!("document.querySelector('{of}').textContent"));
+        assert_eq!(named, command);
+    }
+    browser.key("Escape", "Escape", 27);
+    browser.until("document.getElementById('cell').hidden", 5);
+}
+
 /// Two fingers that part zoom about the place between them, and point at nothing.
 fn two_fingers_zoom(browser: &mut Browser) {
     browser.eval("document.getElementById('plane').scrollIntoView(); tomoswarm.scene.setPick(() => { globalThis.picked = true; }); 0");
@@ -224,6 +248,9 @@ fn a_page_whose_program_does_not_answer_says_that_it_cannot_stop_and_goes_on_try
     let Some((mut browser, mut swarm, _dash)) = opened(1000) else {
         return;
     };
+    // Whatever is asked of a program that is gone fails.
+    browser.expect_complaints(&["WebSocket connection to", "/feed'"]);
+    browser.expect_complaints(&["Failed to load resource: net::ERR_", "/order\""]);
     let is_lost = "document.querySelector('#bar.lost')";
     let result = "document.getElementById('stop-result').textContent";
     assert_eq!(browser.eval(&format!("Boolean({is_lost})")), false);

@@ -119,11 +119,10 @@ fn a_place_that_is_typed_or_pointed_at_is_marked_seen_stored_and_taken_back() {
 
     // A page whose program begins late knows what was marked before.
     let words = ["dash", "operator.toml", "--port", "0"];
+    browser.go("about:blank");
     swarm.kill("dash");
     swarm.spawn("late", &words);
     let late = Dash::of_log(&swarm.path("late.log"));
-    browser.go("about:blank");
-    browser.complaints.clear();
     browser.go(&late.look);
     until_known(&mut browser, &[[-0.5, 2.25], [3.0, 3.5]]);
     assert_eq!(browser.complaints, Vec::<String>::new());

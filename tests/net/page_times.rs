@@ -322,7 +322,7 @@ fn an_echo_of_a_real_sensor_is_a_pixel_soon() {
 }
 
 /// When a page says, by the browser's own timing, milliseconds after the navigation: the first words seen, controls that work, and
-/// the first picture with vehicles.
+/// the first picture with vehicles, the map and the images that there were.
 const TIMES: &str = "[performance.getEntriesByName('first-contentful-paint')[0].startTime,
     performance.getEntriesByName('controls')[0].startTime, performance.getEntriesByName('picture')[0].startTime]";
 
@@ -332,11 +332,14 @@ fn controls_and_the_first_picture_are_there_soon() {
     let Some((mut browser, _swarm, dash)) = live_page(1280, 800) else {
         return;
     };
+    browser.until("tomoswarm.model.tiles.size > 0", 20);
     let mut all = [Vec::new(), Vec::new(), Vec::new()];
     for _ in 0..9 {
         browser.go("about:blank");
         browser.go(&dash.operate);
         browser.until("performance.getEntriesByName('picture').length === 1", 20);
+        let tiles = "tomoswarm.model.place.tiles > 0 && tomoswarm.model.tiles.size >= tomoswarm.model.place.tiles";
+        assert_eq!(browser.eval(tiles), true, "with the map");
         for (of, at_ms) in all.iter_mut().zip(numbers(&mut browser, TIMES)) {
             of.push(at_ms);
         }

@@ -1,10 +1,11 @@
 //! The page for other machines (`dash --listen`): TLS with the operator's certificate, for whoever trusts the swarm's
-//! authority, under the names in it and no other; and everything that is refused before anything begins.
+//! authority, under the names in it and no other; everything that is refused before anything begins; and that a page of another
+//! swarm reaches nobody.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Output};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -14,49 +15,72 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
 use tokio_rustls::rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
 
 use crate::dash::Dash;
-use crate::swarm::PROGRAM;
+use crate::member::{Member, settings, within};
+use crate::swarm::{PROGRAM, free_address};
 
 /// A name of the operator's machine as others know it. Nothing resolves it here: it stands in certificates and requests.
 const HOST: &str = "operator.test";
+/// What is said of a certificate of another swarm.
+const FOREIGN: &str =
+    "certificate.pem: the certificate is not signed by the authority of this swarm";
 const VENUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/small.venue.toml");
+
+/// Enrols a node in a swarm.
+fn enroll(swarm: &Path, node: &[&str]) {
+    let mut program = Command::new(PROGRAM);
+    program.arg("enroll").arg(swarm);
+    let run = program
+        .args(["--venue", VENUE])
+        .args(node)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert!(run.status.success(), "{said}");
+}
 
 /// Enrols an operator in a swarm of its own; returns the operator's folder.
 fn enrolled(swarm: &Path, hosts: &[&str]) -> PathBuf {
-    let mut program = Command::new(PROGRAM);
-    program.arg("enroll").arg(swarm);
-    program.args(["--venue", VENUE, "operator"]);
-    hosts.iter().for_each(|host| {
-        program.args(["--host", host]);
-    });
-    let run = program.output().unwrap();
-    let said = String::from_utf8_lossy(&run.stderr);
-    assert!(run.status.success(), "{said}");
+    let hosts = hosts.iter().flat_map(|host| ["--host", *host]);
+    let node: Vec<&str> = ["operator"].into_iter().chain(hosts).collect();
+    enroll(swarm, &node);
     swarm.join("operator-1")
+}
+
+/// `dash` for this machine alone, in a folder.
+fn on_this_machine(folder: &Path) -> Command {
+    let mut program = Command::new(PROGRAM);
+    program.current_dir(folder);
+    program.args(["dash", "operator.toml", "--port", "0"]);
+    program
 }
 
 /// `dash --listen` in a folder.
 fn listening(folder: &Path, address: &str) -> Command {
-    let mut program = Command::new(PROGRAM);
-    program.current_dir(folder);
-    program.args(["dash", "operator.toml", "--listen", address, "--port", "0"]);
+    let mut program = on_this_machine(folder);
+    program.args(["--listen", address]);
     program
 }
 
-/// A page's server with TLS.
+/// A page's server.
 struct Served {
     child: Child,
     dash: Dash,
+    log: PathBuf,
 }
 
 impl Served {
+    /// One with TLS.
     fn start(folder: &Path) -> Served {
+        Served::by(listening(folder, "0.0.0.0"), folder)
+    }
+
+    fn by(mut command: Command, folder: &Path) -> Served {
         let log = folder.join("dash.log");
         let out = std::fs::File::create(&log).unwrap();
-        let mut command = listening(folder, "0.0.0.0");
-        let command = command.stdout(out).stderr(Stdio::null());
+        let command = command.stdout(out.try_clone().unwrap()).stderr(out);
         let child = command.spawn().unwrap();
         let dash = Dash::of_log(&log);
-        Served { child, dash }
+        Served { child, dash, log }
     }
 
     fn host(&self) -> String {
@@ -250,11 +274,11 @@ fn an_address_or_a_certificate_that_does_not_fit_is_refused_before_anything_begi
         .map(|path| std::fs::read(path).unwrap());
     copy("certificate.pem", &strange);
     copy("key.pem", &strange);
-    refused(
-        &operator,
-        "0.0.0.0",
-        "certificate.pem: the certificate is not signed by the authority of this swarm",
-    );
+    refused(&operator, "0.0.0.0", FOREIGN);
+    // So it is without TLS.
+    let Output { status, stderr, .. } = on_this_machine(&operator).output().unwrap();
+    let said = String::from_utf8_lossy(&stderr);
+    assert!(status.code() == Some(2) && said.contains(FOREIGN), "{said}");
     std::fs::write(operator.join("certificate.pem"), &mine[0]).unwrap();
     refused(
         &operator,
@@ -282,4 +306,34 @@ fn an_address_or_a_certificate_that_does_not_fit_is_refused_before_anything_begi
     );
     std::fs::write(plain.join("operator.toml"), text).unwrap();
     refused(&plain, "0.0.0.0", "has no certificate for TLS");
+}
+
+#[test]
+fn a_page_that_is_wholly_of_another_swarm_reaches_nobody_and_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = free_address().port().to_string();
+    let swarms = ["own", "other"].map(|name| {
+        let swarm = folder.path().join(name);
+        enroll(&swarm, &["--port", &port, "--state-dir", "state", "ground"]);
+        enroll(&swarm, &["operator"]);
+        swarm
+    });
+    let _ground = Member::join(settings(&swarms[0].join("ground/ground.toml")));
+    let [own, other] = swarms.map(|swarm| {
+        let operator = swarm.join("operator-1");
+        Served::by(on_this_machine(&operator), &operator)
+    });
+    let soon = Duration::from_secs(20);
+    let is_linked = |served: &Served| {
+        let (_, metrics) = served.dash.metrics(Dash::token(&served.dash.look));
+        metrics.contains("\ntomoswarm_linked 1")
+    };
+    assert!(within(soon, || is_linked(&own)), "its own swarm is there");
+    let said = || std::fs::read_to_string(&other.log).unwrap();
+    let says_why = || {
+        let said = said();
+        said.contains("reaches nobody yet: ") && said.contains("certificates of another authority")
+    };
+    assert!(within(soon, says_why), "{}", said());
+    assert!(!is_linked(&other));
 }

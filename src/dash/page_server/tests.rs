@@ -118,6 +118,20 @@ fn a_page_is_told_who_it_is_and_whether_it_may_order() {
 }
 
 #[test]
+fn a_page_is_told_what_there_is_for_its_first_picture() {
+    let mut server = server();
+    let there_is = |server: &mut PageServer, at_s: f64| {
+        let id = page(server, at_s, LOOK);
+        let welcome = texts(&server.due(at(at_s)), id, FrameKind::Welcome).remove(0);
+        [welcome["tiles"].clone(), welcome["images"].clone()]
+    };
+    assert_eq!(there_is(&mut server, 0.0), [json!(0), json!([])]);
+    server.hear(at(1.0), &tile(1, 1, 9));
+    server.hear(at(1.0), &structure(1, 1, 9));
+    assert_eq!(there_is(&mut server, 2.0), [json!(1), json!([0])]);
+}
+
+#[test]
 fn a_page_that_says_no_token_in_two_seconds_is_closed_and_gets_nothing() {
     let mut server = server();
     let id = server.open(at(0.0)).unwrap();
@@ -141,10 +155,27 @@ fn a_page_that_says_nonsense_or_a_strange_token_is_refused() {
         "{}",
         "{\"credit\":2}",
         "{\"jump\":1}",
+        STOP,
     ] {
         assert!(server.page_said(at(0.1), id, text).is_err(), "{text}");
     }
     assert_eq!(server.due(at(0.2)), [], "nothing was sent to it");
+}
+
+#[test]
+fn an_order_that_is_said_over_the_feed_is_refused_also_from_who_may_order() {
+    let mut server = server();
+    let one = page(&mut server, 0.0, OPERATE);
+    for text in [
+        STOP,
+        r#"{"order":"hold","page":1}"#,
+        r#"{"credit":1,"order":"stop"}"#,
+    ] {
+        let said = server.page_said(at(0.1), one, text);
+        assert!(matches!(said, Err(GateRefusal::Unreadable(_))), "{text}");
+    }
+    assert_eq!(told(&server.due(at(0.2))), 0);
+    assert_eq!(server.board().orders().given.iter().count(), 0);
 }
 
 #[test]
@@ -934,20 +965,24 @@ fn told_of_cell(server: &PageServer, page: Option<PageId>) -> Vec<(u64, String, 
     read["told"].as_array().unwrap().iter().map(row).collect()
 }
 
+/// A tile of a vehicle, alike all over.
+fn tile(vehicle: u8, revision: u32, value: i8) -> HeardMessage {
+    heard(Message::Tile(TileReport {
+        layer: LayerId {
+            vehicle: VehicleId(vehicle),
+            boot: Boot(1),
+        },
+        address: TileAddress::default(),
+        revision,
+        cells: std::sync::Arc::new([value; 1024]),
+    }))
+}
+
 #[test]
 fn who_has_seen_a_cell_is_told_of_the_moment_that_a_page_looks_at() {
     let mut server = server();
-    for (at_s, vehicle, value) in [(1.0, 1, 9), (5.0, 2, -17), (8.0, 1, -17)] {
-        let tile = TileReport {
-            layer: LayerId {
-                vehicle: VehicleId(vehicle),
-                boot: Boot(1),
-            },
-            address: TileAddress::default(),
-            revision: at_s as u32,
-            cells: std::sync::Arc::new([value; 1024]),
-        };
-        server.hear(at(at_s), &heard(Message::Tile(tile)));
+    for (at_s, vehicle, value) in [(1, 1, 9), (5, 2, -17), (8, 1, -17)] {
+        server.hear(at(f64::from(at_s)), &tile(vehicle, at_s, value));
     }
     let one = page(&mut server, 11.0, LOOK);
     let two = page(&mut server, 11.0, LOOK);

@@ -68,6 +68,10 @@ told! {
         /// Whether its token may order.
         #[serde(rename = "mayOrder")]
         pub may_order: bool,
+        /// How many tiles of the map there are.
+        pub tiles: usize,
+        /// Of which subjects there is an image.
+        pub images: Vec<i64>,
     }
 
     /// A kind of mission.
@@ -114,16 +118,5 @@ told! {
         pub name: String,
         /// Its vehicles.
         pub vehicles: Vec<u8>,
-    }
-}
-
-impl Place {
-    /// Returns the first text of the connection of a page.
-    pub fn welcome(&self, page: u32, may_order: bool) -> Welcome {
-        Welcome {
-            place: self.clone(),
-            page,
-            may_order,
-        }
     }
 }

@@ -527,9 +527,11 @@ fn what_is_no_beacon_is_counted_and_dropped() {
             payload: &good,
         },
     );
-    rig.modem
-        .take(at_ms(3), &[0x7E, 0, 1, 0x8A, 0x76], &mut Vec::new());
-    assert_eq!((rig.heard.len(), rig.modem.health().bad), (0, 7));
+    // A frame of one byte, and one with a wrong checksum.
+    for frame in [[0x7E, 0, 1, 0x8A, 0x75], [0x7E, 0, 1, 0x8A, 0x76]] {
+        rig.modem.take(at_ms(3), &frame, &mut Vec::new());
+    }
+    assert_eq!((rig.heard.len(), rig.modem.health().bad), (0, 8));
 }
 
 #[test]

@@ -21,7 +21,7 @@ use crate::time::Time;
 const AGAIN: Duration = Duration::from_millis(150);
 /// A servo that hears of its pulse later than this is not where it is expected when it has settled.
 const CONFIRMED_WITHIN: Duration = Duration::from_millis(80);
-/// A pulse that is not confirmed for so long is a trouble.
+/// Pulses of which none is answered for so long are a trouble.
 const TROUBLE_AFTER: Duration = Duration::from_secs(1);
 
 /// A pulse of a servo.
@@ -77,8 +77,12 @@ struct RequestedPulse {
 
 #[derive(Clone, Copy, Debug)]
 enum State {
-    /// It has no answer yet; so many were said and not answered, an older pulse's among them.
-    Pending { at: Time, unanswered: u32 },
+    /// It has no answer yet; so many were said and not answered, an older pulse's among them, and none since then.
+    Pending {
+        at: Time,
+        unanswered: u32,
+        silent_since: Time,
+    },
     /// The autopilot gives it.
     Accepted { in_time: bool },
     /// The autopilot does not give it.
@@ -94,15 +98,17 @@ impl Servo {
         target: MavAddress,
         out: &mut Vec<DriverOut>,
     ) {
-        let mut unanswered = 0;
+        let (mut unanswered, mut silent_since) = (0, now);
         if let Some(requested) = &mut self.requested {
             match &mut requested.state {
                 // It has stood there since.
                 State::Accepted { in_time } if requested.pulse == pulse => return *in_time = true,
                 State::Pending { .. } if requested.pulse == pulse => return,
                 State::Pending {
-                    unanswered: so_far, ..
-                } => unanswered = *so_far,
+                    unanswered: so_far,
+                    silent_since: before,
+                    ..
+                } => (unanswered, silent_since) = (*so_far, *before),
                 State::Accepted { .. } | State::Refused(_) => {}
             }
         }
@@ -112,6 +118,7 @@ impl Servo {
             state: State::Pending {
                 at: now,
                 unanswered: unanswered + 1,
+                silent_since,
             },
         });
         say_pulse(pulse, target, out);
@@ -127,12 +134,18 @@ impl Servo {
         else {
             return;
         };
-        let State::Pending { unanswered, .. } = state else {
+        let State::Pending {
+            unanswered,
+            silent_since,
+            ..
+        } = state
+        else {
             return;
         };
         *unanswered = unanswered.saturating_sub(1);
         // Of a pulse before this one.
         if *unanswered > 0 {
+            *silent_since = now;
             return;
         }
         if ack.result != MavResult::MAV_RESULT_ACCEPTED {
@@ -166,12 +179,11 @@ impl Servo {
         if self.deadline().is_none_or(|due| now < due) {
             return;
         }
-        if let Some(requested) = &mut self.requested {
+        if let Some(requested) = &mut self.requested
+            && let State::Pending { at, unanswered, .. } = &mut requested.state
+        {
             // What was not answered until now is lost.
-            requested.state = State::Pending {
-                at: now,
-                unanswered: 1,
-            };
+            (*at, *unanswered) = (now, 1);
             say_pulse(requested.pulse, target, out);
         }
     }
@@ -187,7 +199,7 @@ impl Servo {
         let requested = self.requested?;
         let output = requested.pulse.output;
         match requested.state {
-            State::Pending { .. } if now.since(requested.since) > TROUBLE_AFTER => {
+            State::Pending { silent_since, .. } if now.since(silent_since) > TROUBLE_AFTER => {
                 Some(ServoTrouble::Silent { output })
             }
             State::Refused(result) => Some(ServoTrouble::Refused { output, result }),
@@ -292,6 +304,19 @@ mod tests {
         assert_eq!(servo.given(), Some(pulse(1800)));
         servo.answer(at(41), &ack(MavResult::MAV_RESULT_FAILED));
         assert_eq!(servo.given(), Some(pulse(1800)), "nothing was asked");
+    }
+
+    #[test]
+    fn one_that_is_silent_while_it_swings_is_a_trouble_as_well() {
+        let (mut servo, mut out) = (Servo::default(), Vec::new());
+        for turn in 0..12 {
+            servo.give(at(100 * turn), pulse(1200 + turn as u16), TARGET, &mut out);
+        }
+        assert_eq!(servo.trouble(at(1000)), None);
+        let silent = Some(ServoTrouble::Silent { output: 9 });
+        assert_eq!(servo.trouble(at(1101)), silent);
+        servo.answer(at(1110), &accepted());
+        assert_eq!(servo.trouble(at(1120)), None, "it answers, late");
     }
 
     #[test]

@@ -201,6 +201,25 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
 }
 
 /// Returns the keys that a session was told of.
+#[test]
+fn what_is_older_than_what_was_said_since_is_not_sent() {
+    let [(one, _by_one), (_two, by_two)] = neighbours(ONE);
+    until_heard(&one.publisher(), &progress(1, 1), &by_two).unwrap();
+    // Another thread has taken this one to send it, and gets no farther.
+    let carried = OutboundFrame::of(&progress(1, 2)).unwrap();
+    one.publisher().publish(&progress(1, 2));
+    one.publisher().publish(&progress(1, 3));
+    one.shared.send(carried);
+    one.publisher().publish(&progress(1, 4));
+    let all = std::iter::from_fn(|| by_two.recv_timeout(Duration::from_secs(1)).ok());
+    let runs = all.filter_map(|heard| match heard {
+        HeardMessage::Message(_, Message::Mission(said)) => Some(said.progress.run.0),
+        _ => None,
+    });
+    let runs: Vec<u32> = runs.filter(|run| *run > 1).collect();
+    assert_eq!(runs, [2, 3, 4]);
+}
+
 fn told(bus: &BusSession) -> Vec<String> {
     bus.shared.keys.told()
 }

@@ -257,30 +257,42 @@ impl Sensor {
     }
 
     fn trouble(&self, now: Time) -> Option<String> {
-        let (dropped, is_closed): (Option<String>, Option<String>) = match &self.reader {
-            Reader::None => return None,
-            Reader::World => (None, None),
+        let silent = || match self.dropped_in_words() {
+            None => "it answers nothing".to_owned(),
+            Some(dropped) => format!("it answers nothing; {dropped}"),
+        };
+        let is_silent = lock(&self.pings.0).is_silent(now);
+        self.closed().or_else(|| is_silent.then(silent))
+    }
+
+    /// Returns why it is closed, if it is.
+    fn closed(&self) -> Option<String> {
+        match &self.reader {
+            // That a link is down is a trouble of the world or of the autopilot.
+            Reader::World | Reader::Autopilot(_) | Reader::None => None,
+            #[cfg(feature = "hw")]
+            Reader::Serial(reader) => reader.trouble(),
+            #[cfg(feature = "hw")]
+            Reader::HcSr04(reader) => reader.trouble(),
+        }
+    }
+
+    /// Returns what became of what it said and was no answer.
+    fn dropped_in_words(&self) -> Option<String> {
+        match &self.reader {
+            Reader::World | Reader::None => None,
             #[cfg(feature = "hw")]
             Reader::Serial(reader) => {
                 let dropped = reader.dropped();
-                let some = dropped.total() > 0;
-                let said = some.then(|| format!("of what it said {dropped}"));
-                (said, reader.trouble())
+                (dropped.total() > 0).then(|| format!("of what it said {dropped}"))
             }
             #[cfg(feature = "hw")]
             Reader::HcSr04(reader) => {
                 let faults = reader.faults();
-                let some = faults != EchoFaults::default();
-                (some.then(|| faults.to_string()), reader.trouble())
+                (faults != EchoFaults::default()).then(|| faults.to_string())
             }
-            Reader::Autopilot(tally) => (Some(tally.get().to_string()), None),
-        };
-        let is_silent = lock(&self.pings.0).is_silent(now);
-        let silent = || match dropped {
-            None => "it answers nothing".to_owned(),
-            Some(dropped) => format!("it answers nothing; {dropped}"),
-        };
-        is_closed.or_else(|| is_silent.then(silent))
+            Reader::Autopilot(tally) => Some(tally.get().to_string()),
+        }
     }
 
     fn health(&self) -> Option<RangeHealth> {

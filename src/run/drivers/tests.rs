@@ -3,7 +3,7 @@
 
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tomoswarm_proto::VehicleId;
 
@@ -172,6 +172,35 @@ fn a_world_that_is_away_is_a_trouble_and_its_pings_are_counted() {
         devices.carry_out(&Effect::Ping(Ping { number }));
     }
     assert_eq!(devices.range_health().unwrap().faults, 2);
+}
+
+#[test]
+fn a_sensor_that_falls_silent_is_noticed_by_a_ping_and_is_news_until_it_is_named() {
+    let (devices, events, mut world) = devices("sim");
+    devices.carry_out(&Effect::Ping(Ping { number: 1 }));
+    world.say(&FromWorld::Echo(Echo {
+        number: 1,
+        range_m: None,
+    }));
+    let heard = events.recv_timeout(Duration::from_secs(10)).unwrap();
+    assert!(matches!(heard, Event::Echo(_)), "{heard:?}");
+    let began = Instant::now();
+    for number in 2.. {
+        devices.carry_out(&Effect::Ping(Ping { number }));
+        if devices.has_new_trouble() {
+            break;
+        }
+        assert!(began.elapsed() < Duration::from_secs(10), "{number} pings");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert!(
+        began.elapsed() >= Duration::from_millis(800),
+        "that may be chance"
+    );
+    let troubles = Troubles::default();
+    devices.watch(&troubles);
+    assert_eq!(troubles.list(), ["range sensor: it answers nothing"]);
+    assert!(!devices.has_new_trouble(), "it is named");
 }
 
 pub(in crate::run) mod on_autopilot;

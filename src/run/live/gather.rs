@@ -176,7 +176,7 @@ fn picture(stored: &StoredImage) -> Reconstruction {
         path_loss: None,
         by_empty_sweep: stored.kind == "change",
         finds: stored.finds.clone(),
-        deviation: None,
+        deviation: stored.deviation.clone(),
         shares: None,
         choice: None,
         links: None,

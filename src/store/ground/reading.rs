@@ -92,6 +92,9 @@ pub struct StoredImage {
     pub peaks: Vec<Peak>,
     /// Who was found, in a change.
     pub finds: Option<Finds>,
+    /// Standard deviation of every pixel, dB/m, in the order of the image; `None` where it was not computed, and in images of
+    /// before.
+    pub deviation: Option<Vec<f64>>,
     /// Links in the image.
     pub links: usize,
     /// Root mean square of what the image does not explain, dB.
@@ -317,21 +320,22 @@ impl GroundStore {
     /// # Errors
     /// The file cannot be read, or a picture in it makes no sense.
     pub fn newest_images(&self, run: RunId) -> Result<Vec<StoredImage>, StoreError> {
-        let rows: Vec<(StoredImage, [String; 2], Vec<u8>)> = self.read(|store| {
+        let rows: Vec<(StoredImage, ImageFields)> = self.read(|store| {
             // Who only reads does not bring the tables up to date.
-            let finds = match schema::version(&store.connection)? {
-                ..2 => "'null'",
-                _ => "finds",
+            let later = match schema::version(&store.connection)? {
+                ..2 => "'null', NULL",
+                2 | 3 => "finds, NULL",
+                _ => "finds, deviation",
             };
             let mut statement = store.connection.prepare(&format!(
                 "SELECT max(laps), kind, rows, columns, x0_m, y0_m, x1_m, y1_m, links,
-                        residual_db, made_utc_s, peaks, data, {finds} FROM images
+                        residual_db, made_utc_s, peaks, data, {later} FROM images
                  WHERE run = ? GROUP BY kind ORDER BY kind"
             ))?;
             statement.query_map(params![run.0], image)?.collect()
         })?;
         rows.into_iter()
-            .map(|(image, marks, data)| self.whole(image, &marks, &data))
+            .map(|(image, fields)| self.whole(image, &fields))
             .collect()
     }
 
@@ -399,32 +403,34 @@ impl GroundStore {
         work(self).map_err(|source| StoreError::of(&self.path, source))
     }
 
-    /// Puts values, peaks and finds into a picture.
+    /// Puts values, deviation, peaks and finds into a picture.
     fn whole(
         &self,
         mut image: StoredImage,
-        [peaks, finds]: &[String; 2],
-        data: &[u8],
+        fields: &ImageFields,
     ) -> Result<StoredImage, StoreError> {
         let damaged = |reason: String| StoreError::Damaged {
             path: self.path.clone(),
             reason,
         };
-        let (numbers, rest) = data.as_chunks::<4>();
         let pixels = image.image.grid.columns.checked_mul(image.image.grid.rows);
-        if pixels != Some(numbers.len()) || !rest.is_empty() {
-            return Err(damaged(format!(
-                "an image has {} bytes of values",
-                data.len()
-            )));
-        }
-        image.image.values = numbers
-            .iter()
-            .map(|bytes| f64::from(f32::from_le_bytes(*bytes)))
-            .collect();
-        image.finds = serde_json::from_str(finds)
+        let numbers = |what: &str, data: &[u8]| {
+            let (numbers, rest) = data.as_chunks::<4>();
+            if pixels != Some(numbers.len()) || !rest.is_empty() {
+                let length = data.len();
+                return Err(damaged(format!("an image has {length} bytes of {what}")));
+            }
+            let numbers = numbers.iter().map(|bytes| f32::from_le_bytes(*bytes));
+            Ok(numbers.map(f64::from).collect())
+        };
+        image.image.values = numbers("values", &fields.values)?;
+        let deviation = fields.deviation.as_deref();
+        image.deviation = deviation
+            .map(|deviation| numbers("deviations", deviation))
+            .transpose()?;
+        image.finds = serde_json::from_str(&fields.finds)
             .map_err(|error| damaged(format!("finds of an image: {error}")))?;
-        let rows: Vec<PeakRow> = serde_json::from_str(peaks)
+        let rows: Vec<PeakRow> = serde_json::from_str(&fields.peaks)
             .map_err(|error| damaged(format!("peaks of an image: {error}")))?;
         image.peaks = rows
             .into_iter()
@@ -464,8 +470,16 @@ fn tile(row: &Row) -> rusqlite::Result<TileReport> {
     })
 }
 
-/// Returns a picture without its values; its peaks and finds as text; its values as bytes.
-fn image(row: &Row) -> rusqlite::Result<(StoredImage, [String; 2], Vec<u8>)> {
+/// What of a picture is stored as text or bytes.
+struct ImageFields {
+    peaks: String,
+    values: Vec<u8>,
+    finds: String,
+    deviation: Option<Vec<u8>>,
+}
+
+/// Returns a picture without that of it which is stored as text or bytes, and this.
+fn image(row: &Row) -> rusqlite::Result<(StoredImage, ImageFields)> {
     let corner =
         |x: usize, y: usize| Ok::<_, rusqlite::Error>(Point::new(row.get(x)?, row.get(y)?));
     let count = |index: usize| row.get::<_, u32>(index).map(|count| count as usize);
@@ -483,9 +497,16 @@ fn image(row: &Row) -> rusqlite::Result<(StoredImage, [String; 2], Vec<u8>)> {
         },
         peaks: Vec::new(),
         finds: None,
+        deviation: None,
         links: count(8)?,
         made_utc_s: row.get(10)?,
         residual_rms_db: row.get::<_, Option<f64>>(9)?.unwrap_or(f64::NAN),
     };
-    Ok((image, [row.get(11)?, row.get(13)?], row.get(12)?))
+    let fields = ImageFields {
+        peaks: row.get(11)?,
+        values: row.get(12)?,
+        finds: row.get(13)?,
+        deviation: row.get(14)?,
+    };
+    Ok((image, fields))
 }

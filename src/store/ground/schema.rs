@@ -8,7 +8,7 @@ use std::path::Path;
 /// Marks the file as a store ("tSgs").
 pub(super) const APPLICATION: i64 = 0x7453_6773;
 /// Version of the tables.
-pub(super) const VERSION: i64 = 3;
+pub(super) const VERSION: i64 = 4;
 
 /// Makes the tables of version 1 those of version 2, which have the finds of images.
 pub(super) const FROM_1_TO_2: &str =
@@ -23,6 +23,10 @@ const MARKS: &str = "CREATE TABLE marks (
 pub(super) fn from_2_to_3() -> String {
     format!("{MARKS} PRAGMA user_version = 3;")
 }
+
+/// Makes the tables of version 3 those of version 4, which have the deviations of images.
+pub(super) const FROM_3_TO_4: &str =
+    "ALTER TABLE images ADD COLUMN deviation BLOB; PRAGMA user_version = 4;";
 
 /// Returns the statements that make the tables, for one transaction.
 pub(super) fn tables() -> String {
@@ -54,7 +58,7 @@ pub(super) fn tables() -> String {
              rows INTEGER NOT NULL, columns INTEGER NOT NULL,
              x0_m REAL NOT NULL, y0_m REAL NOT NULL, x1_m REAL NOT NULL, y1_m REAL NOT NULL,
              links INTEGER NOT NULL, residual_db REAL, peaks TEXT NOT NULL, data BLOB NOT NULL, finds TEXT NOT NULL DEFAULT 'null',
-             PRIMARY KEY (run, laps, kind));
+             deviation BLOB, PRIMARY KEY (run, laps, kind));
          {MARKS}
          CREATE TABLE memory (one INTEGER PRIMARY KEY CHECK (one = 1), version TEXT NOT NULL, blob BLOB NOT NULL);
          PRAGMA application_id = {APPLICATION};

@@ -189,6 +189,7 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     assert_eq!(images[0].image, picture(2).result.unwrap().image);
     assert_eq!(images[0].peaks, picture(2).result.unwrap().peaks);
     assert_eq!(images[0].finds, picture(2).result.unwrap().finds);
+    assert_eq!(images[0].deviation, picture(2).result.unwrap().deviation);
     // A memory of another version is not taken for one of this; nor one of this version under the wire before.
     for version in ["0.0.0", "0.1.0"] {
         store
@@ -203,15 +204,21 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     }
 }
 
+/// Returns a store whose tables are made those of a version of before by some statements, with a picture in it.
+fn store_of_before(folder: &tempfile::TempDir, back: &str) -> PathBuf {
+    let path = path_in(folder);
+    let mut store = GroundStore::open(&path, &START).unwrap();
+    store.keep_picture(&picture(2)).unwrap();
+    store.connection.execute_batch(back).unwrap();
+    path
+}
+
 #[test]
 fn a_store_of_version_1_is_read_and_brought_up_to_date() {
     let folder = tempfile::tempdir().unwrap();
-    let path = path_in(&folder);
-    let mut store = GroundStore::open(&path, &START).unwrap();
-    store.keep_picture(&picture(2)).unwrap();
-    let back = "ALTER TABLE images DROP COLUMN finds; DROP TABLE marks; PRAGMA user_version = 1;";
-    store.connection.execute_batch(back).unwrap();
-    drop(store);
+    let back = "ALTER TABLE images DROP COLUMN deviation; ALTER TABLE images DROP COLUMN finds;
+                DROP TABLE marks; PRAGMA user_version = 1;";
+    let path = store_of_before(&folder, back);
     let run = picture(2).run;
     let finds = |store: &GroundStore| store.newest_images(run).unwrap()[0].finds.clone();
     let old = GroundStore::open_to_read(&path).unwrap();
@@ -224,6 +231,28 @@ fn a_store_of_version_1_is_read_and_brought_up_to_date() {
     assert_eq!(finds(&store), picture(3).result.unwrap().finds);
     store.keep_mark(mark_at(run.0, 1000)).unwrap();
     assert_eq!(store.marks(run).unwrap().len(), 1);
+}
+
+#[test]
+fn images_of_version_3_have_no_deviation_and_new_ones_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let back = "ALTER TABLE images DROP COLUMN deviation; PRAGMA user_version = 3;";
+    let path = store_of_before(&folder, back);
+    let newest = |store: &GroundStore| store.newest_images(picture(2).run).unwrap().remove(0);
+    let old = newest(&GroundStore::open_to_read(&path).unwrap());
+    let made = picture(2).result.unwrap();
+    assert_eq!((old.deviation, old.finds), (None, made.finds));
+    let mut store = GroundStore::open(&path, &START).unwrap();
+    assert_eq!(newest(&store).deviation, None);
+    store.keep_picture(&picture(3)).unwrap();
+    assert_eq!(newest(&store).deviation, made.deviation);
+    let short = "UPDATE images SET deviation = x'00000000'";
+    store.connection.execute_batch(short).unwrap();
+    let refused = store.newest_images(picture(2).run).unwrap_err();
+    assert!(
+        refused.to_string().contains("4 bytes of deviations"),
+        "{refused}"
+    );
 }
 
 fn mark_at(run: u32, x_mm: i32) -> Mark {
@@ -330,7 +359,7 @@ fn picture(laps: usize) -> ReconstructedImage {
     };
     let result = Reconstruction {
         finds: Some(finds),
-        deviation: None,
+        deviation: Some(vec![0.5, 0.25, 0.125, 1.0, 2.0, 4.0]),
         shares: None,
         choice: None,
         links: None,

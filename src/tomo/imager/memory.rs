@@ -8,7 +8,7 @@ use crate::tomo::weights::WeightRows;
 /// Most memory of an image, gigabytes: the smallest ground stations have as much.
 const MOST_GB: f64 = 2.0;
 /// What a weight takes, bytes: those of the sweep and of what stood there are there at once. (What is kept of small images is
-/// bounded by itself.)
+/// bounded by itself, and so are rounded copies.)
 const BYTES_OF_WEIGHT: f64 = 20.0;
 /// What a pixel takes, bytes: some dozens of images that solvers keep.
 const BYTES_OF_PIXEL: f64 = 400.0;

@@ -264,7 +264,7 @@ impl Told<'_> {
         let problem = self.problem;
         let effort = if self.earlier.is_some() { NEXT } else { FIRST };
         let (solver, images) = self.earlier.get_or_insert_with(|| {
-            let solver = PrimalDual::new(problem.rows, problem.boxes, variation);
+            let solver = PrimalDual::new(problem.projector, problem.boxes, variation);
             (solver, vec![[0.0; FOLDS]; problem.boxes.len()])
         });
         solver.set_variation(variation);

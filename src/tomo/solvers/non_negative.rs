@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::robust::Linearised;
 use crate::tomo::box_grid::BoxGrid;
 use crate::tomo::prior::Prior;
-use crate::tomo::weights::WeightRows;
+use crate::tomo::projector::Projector;
 
 /// What is believed of a non-negative image.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -28,16 +28,20 @@ pub struct Sparse {
 /// Memory that one step after another uses again, of several images, a lane for each.
 #[derive(Clone, Debug)]
 pub(super) struct Descent<'a, const LANES: usize> {
-    rows: &'a WeightRows,
+    projector: &'a Projector<'a>,
     boxes: BoxGrid,
     sparse: Sparse,
     slope: Vec<[f64; LANES]>,
 }
 
 impl<'a, const LANES: usize> Descent<'a, LANES> {
-    pub(super) fn new(rows: &'a WeightRows, boxes: BoxGrid, sparse: Sparse) -> Descent<'a, LANES> {
+    pub(super) fn new(
+        projector: &'a Projector<'a>,
+        boxes: BoxGrid,
+        sparse: Sparse,
+    ) -> Descent<'a, LANES> {
         Descent {
-            rows,
+            projector,
             boxes,
             sparse,
             slope: vec![[0.0; LANES]; boxes.len()],
@@ -87,11 +91,12 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
     fn step_sizes(&self, problem: &Linearised<LANES>) -> Vec<[f64; LANES]> {
         let ones = vec![[1.0; LANES]; self.boxes.len()];
         let mut sums = vec![[0.0; LANES]; self.boxes.len()];
-        self.rows.there_and_back(&ones, &mut sums, |l, mut sum| {
-            let lanes = sum.iter_mut().zip(&problem.scale[l]);
-            lanes.for_each(|(sum, scale)| *sum *= scale * scale);
-            sum
-        });
+        self.projector
+            .there_and_back(&ones, &mut sums, |l, mut sum| {
+                let lanes = sum.iter_mut().zip(&problem.scale[l]);
+                lanes.for_each(|(sum, scale)| *sum *= scale * scale);
+                sum
+            });
         let (own, [east, north, up]) = self.precisions();
         let of_prior = own + 4.0 * (east + north + up);
         let steps = sums.into_iter();
@@ -118,7 +123,7 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
     }
 
     fn find_slope(&mut self, problem: &Linearised<LANES>, images: &[[f64; LANES]]) {
-        self.rows
+        self.projector
             .there_and_back(images, &mut self.slope, |l, mut straight_db| {
                 let (scale, data) = (&problem.scale[l], &problem.data[l]);
                 for lane in 0..LANES {

@@ -115,13 +115,11 @@ fn explain<const LANES: usize>(
     images: &[[f64; LANES]],
     states: &mut [LinkState; LANES],
 ) {
-    problem
-        .rows
-        .forward_lanes(0..problem.rows.len(), images, |l, straight_db| {
-            for lane in 0..LANES {
-                states[lane].straight_db[l] = straight_db[lane];
-            }
-        });
+    problem.projector.forward_lanes(images, |l, straight_db| {
+        for lane in 0..LANES {
+            states[lane].straight_db[l] = straight_db[lane];
+        }
+    });
 }
 
 impl LinkState {

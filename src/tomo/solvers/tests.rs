@@ -115,7 +115,7 @@ fn by_map(problem: &LinkProblem<'_>) -> Vec<f64> {
         most_steps: 3_000,
     };
     let map = MapProblem {
-        rows: problem.rows,
+        rows: problem.projector.rows(),
         covariance: &Covariance::new(&GRID, prior),
         attenuation_db: &attenuation_db,
         variance_db2: &variance_db2,
@@ -133,8 +133,9 @@ const ALL: [(&str, Solve); 4] = [
 
 fn solve(solve: Solve, segments: &[Segment], observations: &[Observation]) -> Vec<f64> {
     let rows = rows_of(segments);
+    let projector = Projector::of(&rows, GRID.len(), KNOWN_TO);
     let problem = LinkProblem {
-        rows: &rows,
+        projector: &projector,
         boxes: BoxGrid::of_pixels(&GRID),
         observations,
         nuisance: &[],
@@ -268,9 +269,10 @@ fn auto_draws_the_person_who_is_there_and_not_the_one_who_is_not() {
         })
         .collect();
     let rows = rows_of(&segments);
+    let projector = Projector::of(&rows, GRID.len(), KNOWN_TO);
     let choice = |observations: &[Observation]| {
         let problem = LinkProblem {
-            rows: &rows,
+            projector: &projector,
             boxes: BoxGrid::of_pixels(&GRID),
             observations,
             nuisance: &[],

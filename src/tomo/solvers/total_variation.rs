@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::robust::Linearised;
 use crate::tomo::box_grid::BoxGrid;
-use crate::tomo::weights::WeightRows;
+use crate::tomo::projector::Projector;
 
 use self::space_corners::SpaceCorners;
 
@@ -38,7 +38,7 @@ pub struct Variation {
 /// The dual variables of several images, a lane for each, and memory that one step after another uses again.
 #[derive(Clone, Debug)]
 pub(super) struct PrimalDual<'a, const LANES: usize> {
-    rows: &'a WeightRows,
+    projector: &'a Projector<'a>,
     boxes: BoxGrid,
     variation: Variation,
     /// Sum of each row of the weights.
@@ -61,16 +61,16 @@ enum Corners<const LANES: usize> {
 
 impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
     pub(super) fn new(
-        rows: &'a WeightRows,
+        projector: &'a Projector<'a>,
         boxes: BoxGrid,
         variation: Variation,
     ) -> PrimalDual<'a, LANES> {
-        let (links, pixels) = (rows.len(), boxes.len());
+        let (links, pixels) = (projector.rows().len(), boxes.len());
         let [columns, of_column, _] = boxes.counts;
         let mut row_sums = vec![0.0; links];
-        rows.forward(&vec![1.0; pixels], &mut row_sums);
+        projector.forward(&vec![1.0; pixels], &mut row_sums);
         PrimalDual {
-            rows,
+            projector,
             boxes,
             variation,
             row_sums,
@@ -97,7 +97,7 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
         steps: usize,
     ) {
         let [dx_m, dy_m, _] = self.boxes.sides_m;
-        self.rows
+        self.projector
             .there_and_back(images, &mut self.back, |l, _| problem.scale[l]);
         let of_corners = match &self.corners {
             // A pixel has four corners, and at each of them a difference along either axis.
@@ -125,7 +125,7 @@ impl<'a, const LANES: usize> PrimalDual<'a, LANES> {
     /// Moves the dual variables of the links, and leaves Wᵀ of them in `back`.
     fn step_links(&mut self, problem: &Linearised<LANES>) {
         let (duals, row_sums) = (&mut self.links, &self.row_sums);
-        self.rows
+        self.projector
             .there_and_back(&self.ahead, &mut self.back, |l, straight_db| {
                 let (scale, data) = (&problem.scale[l], &problem.data[l]);
                 let dual = &mut duals[l];

@@ -9,6 +9,7 @@
 use super::VoxelGrid;
 use crate::tomo::cholesky::Cholesky;
 use crate::tomo::prior::Prior;
+use crate::tomo::progress::ImagingStep;
 use crate::tomo::solvers::{LinkProblem, Solved};
 use crate::tomo::student::doubted;
 use crate::tomo::weights::WeightRows;
@@ -18,13 +19,16 @@ const ROUNDS: usize = 6;
 
 /// Solves; `None` when the numbers of the links leave no answer.
 pub(super) fn solve(problem: &LinkProblem<'_>, grid: &VoxelGrid, prior: Prior) -> Option<Solved> {
-    let (rows, links) = (problem.rows, problem.observations);
+    let (rows, links) = (problem.projector.rows(), problem.observations);
     let covariance = Covariance::new(grid, prior);
     let gram = gram(rows, &covariance);
     let mut noise_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
     let mut dual = vec![0.0; links.len()];
     let mut residual_db = vec![0.0; links.len()];
-    for _ in 0..ROUNDS {
+    for done in 0..ROUNDS {
+        problem
+            .watch
+            .tell(ImagingStep::Solving { done, of: ROUNDS });
         let entry = |i: usize, j: usize| gram[i][j] + if i == j { noise_db2[i] } else { 0.0 };
         let factor = Cholesky::of(links.len(), entry)?;
         dual = links.iter().map(|link| link.attenuation_db).collect();

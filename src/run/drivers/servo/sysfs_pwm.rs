@@ -199,11 +199,27 @@ impl SysfsPwm {
     /// Gives a pulse from now on.
     ///
     /// # Errors
-    /// In words, which file cannot be written.
+    /// In words, which file cannot be written; of a pulse that the chip refuses also which one, and what to look at.
     pub(super) fn give(&self, files: &Files, pulse: Duration) -> Result<(), String> {
-        files.write(&self.folder.join("duty_cycle"), &nanoseconds(pulse))?;
-        files.write(&self.folder.join("enable"), "1")?;
-        Ok(())
+        let why = |failed: Failed| self.why_no_pulse(failed, pulse);
+        files
+            .write(&self.folder.join("duty_cycle"), &nanoseconds(pulse))
+            .map_err(why)?;
+        files.write(&self.folder.join("enable"), "1").map_err(why)
+    }
+
+    /// Returns in words why a pulse is not given.
+    fn why_no_pulse(&self, failed: Failed, pulse: Duration) -> String {
+        if failed.error.kind() != io::ErrorKind::InvalidInput {
+            return failed.into();
+        }
+        format!(
+            "{}: {}; pulse {} ns of {} ns: does another program set period?",
+            failed.file.display(),
+            failed.error,
+            nanoseconds(pulse),
+            nanoseconds(PERIOD)
+        )
     }
 }
 

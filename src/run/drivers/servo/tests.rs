@@ -210,6 +210,24 @@ fn what_somebody_has_left_in_a_channel_is_undone() {
 }
 
 #[test]
+fn a_pulse_that_the_chip_refuses_is_a_trouble_that_says_which_and_what_to_look_at() {
+    for file in ["duty_cycle", "enable"] {
+        let pwm = PwmFolder::new(&[(file, io::ErrorKind::InvalidInput); 3]);
+        let place = format!("pwm1/{file}: ");
+        pwm.until("a trouble", |pwm| {
+            pwm.servo.trouble().is_some_and(|trouble| {
+                let which = "; pulse 1500000 ns of 20000000 ns: does another program set period?";
+                trouble.contains(&place) && trouble.contains(which)
+            })
+        });
+        pwm.until_written("enable 1");
+        pwm.until("the end of the trouble", |pwm| {
+            pwm.servo.trouble().is_none()
+        });
+    }
+}
+
+#[test]
 fn a_polarity_that_somebody_has_left_is_undone_while_no_pulse_is_given() {
     let left = |polarity: &str, refused| {
         let folder = tempfile::tempdir().unwrap();
