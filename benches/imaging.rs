@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench imaging -- SEEDS [FIRST]`: share of seeds with both persons within 1 m, the worst seeds,
 //! and the median times of a cold and of a warm reconstruction, of binning a packet, of steps of the total variation, and of
-//! drafts from as many links as eight vehicles have.
+//! drafts from as many links as eight vehicles have, with what finds and deviation add to them and what `auto` takes.
 
 #![allow(
     clippy::disallowed_methods,
@@ -19,6 +19,7 @@ use std::time::Instant;
 
 use image_world::{SIDE_M, persons, sweep, worst_error_m};
 use tomoswarm::geom::{PixelGrid, Point, Rect, Segment};
+use tomoswarm::ground::imager::MOST_BLOCKS;
 use tomoswarm::tomo::{
     Candidates, Devices, Extras, Imager, ImagingSettings, Link, LinkBins, Solver,
 };
@@ -157,13 +158,14 @@ fn draft_of(ends: &str, every: Option<usize>, moved_m: impl Fn(usize, usize) -> 
         };
         let every = every.unwrap_or(links / 100);
         let mut ms = Vec::new();
+        let swept = |image: usize| -> Vec<Link> {
+            let heard = |k: usize| usize::from(k % every < image);
+            (0..links)
+                .map(|k| link(k, 1 + heard(k), k + 2 + heard(k), 6.0))
+                .collect()
+        };
         for image in 0..8 {
-            let now: Vec<Link> = (0..links)
-                .map(|k| {
-                    let heard = usize::from(k % every < image);
-                    link(k, 1 + heard, k + 2 + heard, 6.0)
-                })
-                .collect();
+            let now = swept(image);
             let (made, took) = timed(|| imager.update(&now, Some(&empty), Extras::default()));
             if made.is_ok() {
                 ms.push(took);
@@ -175,7 +177,44 @@ fn draft_of(ends: &str, every: Option<usize>, moved_m: impl Fn(usize, usize) -> 
             median(ms.clone()),
             1e3 / median(ms)
         );
+        print_beyond(&mut imager, &swept(8), &empty);
     }
+}
+
+/// Prints what finds and the deviation add to a warm draft, and how long the image takes that a sweep ends with.
+fn print_beyond(imager: &mut Imager, now: &[Link], empty: &[Link]) {
+    let mut draft_ms = |extras: Extras| {
+        let took = (0..3).map(|_| timed(|| imager.update(now, Some(empty), extras)).1);
+        median(took.collect())
+    };
+    let persons = Extras {
+        persons: true,
+        ..Extras::default()
+    };
+    let deviation = Extras {
+        deviation: Some(MOST_BLOCKS),
+        ..Extras::default()
+    };
+    let [alone_ms, persons_ms, deviation_ms] =
+        [Extras::default(), persons, deviation].map(&mut draft_ms);
+    let area = Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M));
+    let by = |solver: Solver| {
+        let settings = ImagingSettings::for_change(area);
+        let settings = ImagingSettings {
+            solver,
+            weights: settings.fresnel(),
+            ..settings
+        };
+        let made = || Imager::new(settings)?.update(now, Some(empty), Extras::default());
+        timed(made).1
+    };
+    let auto_ms = by(Solver::Auto(ImagingSettings::candidates_for(area)));
+    let sparse_ms = by(Solver::NonNegative(ImagingSettings::sparse_for(area)));
+    println!(
+        "  beyond it: finds {:.0} ms, deviation {:.0} ms; from nothing by auto {auto_ms:.0} ms, by nn alone {sparse_ms:.0} ms",
+        persons_ms - alone_ms,
+        deviation_ms - alone_ms
+    );
 }
 
 /// Prints what steps of the total variation cost on a fine grid, the making of the rows included.

@@ -145,7 +145,10 @@ pub(super) fn colour_range(image: &Image) -> Option<(f64, f64)> {
 pub(super) fn heat_title(seen: &str, links: usize, finds: Option<&Finds>) -> String {
     let links = counted(links, "link");
     match finds {
-        Some(finds) => format!("{seen} ({links}, {} false finds)", finds.false_per_image),
+        Some(finds) => format!(
+            "{seen} ({links}, {} false finds expected)",
+            finds.false_per_image
+        ),
         None => format!("{seen} ({links})"),
     }
 }

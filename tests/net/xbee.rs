@@ -49,9 +49,6 @@ fn a_sweep_is_measured_by_xbees_that_are_pulled_out_and_plugged_in_again() {
     swarm.finish();
     let said = std::fs::read_to_string(swarm.path("world.log")).unwrap();
     assert!(!said.contains(" 0 beacons heard"), "{said}");
-    let error_m = find_error_m(&swarm);
-    swarm.note(&format!("the person is found {error_m:.2} m off"));
-    assert!(error_m <= 1.0, "{error_m} m");
 }
 
 /// Returns what a command prints, what it complains of, and its exit code.
