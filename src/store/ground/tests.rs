@@ -434,7 +434,7 @@ fn what_is_no_store_of_this_venue_and_version_is_refused_untouched() {
     check_refused(
         newer,
         &START,
-        "newer tomoswarm (store version 99, this one knows 3)",
+        "newer tomoswarm (store version 99, this one knows 4)",
     );
     let damaged = |path: &Path| {
         drop(make(path));
