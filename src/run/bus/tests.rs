@@ -200,7 +200,6 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     );
 }
 
-/// Returns the keys that a session was told of.
 #[test]
 fn what_is_older_than_what_was_said_since_is_not_sent() {
     let [(one, _by_one), (_two, by_two)] = neighbours(ONE);
@@ -220,6 +219,7 @@ fn what_is_older_than_what_was_said_since_is_not_sent() {
     assert_eq!(runs, [2, 3, 4]);
 }
 
+/// Returns the keys that a session was told of.
 fn told(bus: &BusSession) -> Vec<String> {
     bus.shared.keys.told()
 }
