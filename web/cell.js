@@ -11,7 +11,7 @@ const AGAIN_MS = 1000;
 /** What is not answered within this time is not answered. */
 const ANSWERED_WITHIN_MS = 5000;
 const NONE = "No vehicle says anything of it.";
-/** What says the same in a terminal, of what is now: each tile as its vehicle says it. */
+/** What says the same in a terminal, as it changes: each tile as its vehicle says it. */
 const COMMAND = "tomoswarm tap CONFIG --kind tile --cells";
 
 export class CellView {

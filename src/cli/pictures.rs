@@ -54,7 +54,8 @@ fn shown(outcome: &RunOutcome) -> Subject {
     }
 }
 
-/// Makes the image that is shown once more, of the links of the run, for what is behind it: stores keep images without that.
+/// Makes the image that is shown once more, of the links of the run, for what is behind it: stores keep images without their
+/// links, and those of before without their deviation.
 #[cfg(feature = "net")]
 pub(super) fn add_links(scenario: &Scenario, outcome: &mut RunOutcome) {
     let subject = shown(outcome);
@@ -68,13 +69,17 @@ pub(super) fn add_links(scenario: &Scenario, outcome: &mut RunOutcome) {
     let extras = Extras {
         persons: true,
         links: true,
-        deviation: Some(crate::ground::imager::MOST_BLOCKS),
+        deviation: made
+            .deviation
+            .is_none()
+            .then_some(crate::ground::imager::MOST_BLOCKS),
         ..Extras::default()
     };
     let again = Imager::new(scenario.image(subject))
         .and_then(|mut imager| imager.update(&outcome.links, empty, extras));
     if let Ok(again) = again {
-        (made.links, made.deviation) = (again.links, again.deviation);
+        made.links = again.links;
+        made.deviation = made.deviation.take().or(again.deviation);
     }
 }
 

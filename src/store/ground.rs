@@ -174,15 +174,8 @@ impl GroundStore {
                     params![hex(start.new_id), hex(expected), now_utc_s()],
                 )?;
             } else {
-                if schema::version(transaction)? < 2 {
-                    transaction.execute_batch(schema::FROM_1_TO_2)?;
-                }
-                if schema::version(transaction)? < 3 {
-                    transaction.execute_batch(&schema::from_2_to_3())?;
-                }
-                if schema::version(transaction)? < 4 {
-                    transaction.execute_batch(schema::FROM_3_TO_4)?;
-                }
+                let version = schema::version(transaction)?;
+                transaction.execute_batch(&schema::updates(version))?;
             }
             let found: String =
                 transaction.query_row("SELECT venue_hash FROM store", [], |row| row.get(0))?;

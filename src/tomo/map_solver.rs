@@ -413,21 +413,12 @@ mod tests {
         };
         assert!(error(&got) < 1e-6, "{}", error(&got));
         // One that ends earlier, on rounded weights, is as good as it is asked to be, and no better.
-        let tolerance = 1e-4;
-        let draft = problem.solve(
-            MapSettings {
-                tolerance,
-                ..settings
-            },
-            None,
-        );
-        let warm = problem.solve(
-            MapSettings {
-                tolerance,
-                ..settings
-            },
-            Some(&draft.start),
-        );
+        let early = MapSettings {
+            tolerance: 1e-4,
+            ..settings
+        };
+        let draft = problem.solve(early, None);
+        let warm = problem.solve(early, Some(&draft.start));
         assert!((1e-9..1e-3).contains(&error(&draft)), "{}", error(&draft));
         assert!(error(&warm) < 1e-3 && warm.steps <= 2, "{}", error(&warm));
         for (k, residual) in got.residual_db.iter().enumerate() {

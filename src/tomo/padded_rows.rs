@@ -67,7 +67,7 @@ impl PaddedRows {
         Some(padded)
     }
 
-    /// Gives W x of several images at once, one lane for each.
+    /// Computes W x of several images at once, one lane for each.
     pub(super) fn forward_lanes<const LANES: usize>(
         &self,
         images: &[[f64; LANES]],
@@ -79,7 +79,7 @@ impl PaddedRows {
         }
     }
 
-    /// Gives Wᵀ a: one value per pixel.
+    /// Computes Wᵀ a: one value per pixel.
     pub(super) fn backward(&self, links: &[f64], image: &mut [f64]) {
         let mut back = self.with_margin(&[]);
         for (row, link) in links.iter().enumerate() {
@@ -88,7 +88,7 @@ impl PaddedRows {
         image.copy_from_slice(back[..self.pixels].as_flattened());
     }
 
-    /// Gives Wᵀ f(W x) in one pass, of several images at once, one lane for each: `of_link` is told each link with its values,
+    /// Computes Wᵀ f(W x) in one pass, of several images at once, one lane for each: `of_link` is told each link with its values,
     /// and says what goes back.
     pub(super) fn there_and_back<const LANES: usize>(
         &self,

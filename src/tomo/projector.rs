@@ -32,12 +32,12 @@ impl<'a> Projector<'a> {
         self.rows
     }
 
-    /// Gives W x: one value per link.
+    /// Computes W x: one value per link.
     pub(super) fn forward(&self, image: &[f64], links: &mut [f64]) {
         self.forward_lanes(image.as_chunks().0, |link, [there]| links[link] = there);
     }
 
-    /// Gives Wᵀ a: one value per pixel.
+    /// Computes Wᵀ a: one value per pixel.
     pub(super) fn backward(&self, links: &[f64], image: &mut [f64]) {
         match &self.padded {
             Some(padded) => padded.backward(links, image),
@@ -45,7 +45,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Gives W x of several images at once, one lane for each.
+    /// Computes W x of several images at once, one lane for each.
     pub(super) fn forward_lanes<const LANES: usize>(
         &self,
         images: &[[f64; LANES]],
@@ -60,7 +60,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Gives Wᵀ f(W x) in one pass over the weights, of several images at once, one lane for each: `of_link` is told each link
+    /// Computes Wᵀ f(W x) in one pass over the weights, of several images at once, one lane for each: `of_link` is told each link
     /// with its values, and says what goes back.
     pub(super) fn there_and_back<const LANES: usize>(
         &self,

@@ -11,7 +11,7 @@ pub(super) const APPLICATION: i64 = 0x7453_6773;
 pub(super) const VERSION: i64 = 4;
 
 /// Makes the tables of version 1 those of version 2, which have the finds of images.
-pub(super) const FROM_1_TO_2: &str =
+const FROM_1_TO_2: &str =
     "ALTER TABLE images ADD COLUMN finds TEXT NOT NULL DEFAULT 'null'; PRAGMA user_version = 2;";
 
 /// The places where somebody truly stood.
@@ -19,14 +19,17 @@ const MARKS: &str = "CREATE TABLE marks (
              run INTEGER NOT NULL, x_m REAL NOT NULL, y_m REAL NOT NULL, z_m REAL NOT NULL, marked_utc_s REAL NOT NULL,
              PRIMARY KEY (run, x_m, y_m, z_m)) WITHOUT ROWID;";
 
-/// Returns the statements that make the tables of version 2 those of version 3, which have marks.
-pub(super) fn from_2_to_3() -> String {
-    format!("{MARKS} PRAGMA user_version = 3;")
-}
-
 /// Makes the tables of version 3 those of version 4, which have the deviations of images.
-pub(super) const FROM_3_TO_4: &str =
-    "ALTER TABLE images ADD COLUMN deviation BLOB; PRAGMA user_version = 4;";
+const FROM_3_TO_4: &str = "ALTER TABLE images ADD COLUMN deviation BLOB; PRAGMA user_version = 4;";
+
+/// Returns the statements that bring the tables of a version up to date, for one transaction; none of the newest.
+pub(super) fn updates(from: i64) -> String {
+    // Those of version 3 have marks.
+    let from_2_to_3 = format!("{MARKS} PRAGMA user_version = 3;");
+    let steps = [(2, FROM_1_TO_2), (3, &from_2_to_3), (4, FROM_3_TO_4)];
+    let missing = steps.into_iter().filter(|(to, _)| from < *to);
+    missing.map(|(_, step)| step).collect()
+}
 
 /// Returns the statements that make the tables, for one transaction.
 pub(super) fn tables() -> String {
