@@ -17,6 +17,7 @@
 //! world, and of what the world says only what simulated devices say is believed.
 
 pub mod autopilot;
+mod device_troubles;
 #[cfg(feature = "hw")]
 mod device_thread;
 pub mod radio;
@@ -29,12 +30,13 @@ pub mod servo;
 pub mod usb_adapter;
 
 use std::io;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use tomoswarm_proto::{AutopilotHealth, Boot, RadioHealth, RangeHealth};
 
 use self::autopilot::Autopilot;
+use self::device_troubles::{DeviceTrouble, NamedTroubles};
 use self::radio::Radio;
 use self::range::Range;
 use self::servo::{Servo, WantedPulse};
@@ -48,6 +50,9 @@ use crate::node::{Effect, Event};
 /// Hears what devices say.
 pub type EventSink = Arc<dyn Fn(Event) + Send + Sync>;
 
+/// By what names a vehicle tells what is wrong with its devices.
+const NAMES: [&str; 4] = ["range sensor", "servo", "autopilot link", "radio"];
+
 /// The devices of a vehicle; dropping them ends their drivers.
 pub struct VehicleDevices {
     world: Option<WorldLink>,
@@ -57,12 +62,8 @@ pub struct VehicleDevices {
     radio: Radio,
     /// The pulse that the servo must have before the sensor is asked that was steered last.
     awaited: Mutex<Option<WantedPulse>>,
-    /// How many of them were in trouble when their troubles were named last.
-    named: AtomicUsize,
+    named: NamedTroubles,
 }
-
-/// What is wrong with each device of a vehicle, by its name, if anything is.
-type DeviceTroubles = [(&'static str, Option<String>); 4];
 
 impl VehicleDevices {
     /// Starts the drivers that a vehicle's file names. A device that is not there is no error: it is looked for for ever.
@@ -97,7 +98,7 @@ impl VehicleDevices {
             servo,
             radio,
             awaited: Mutex::new(None),
-            named: AtomicUsize::new(0),
+            named: NamedTroubles::default(),
         })
     }
 
@@ -153,9 +154,11 @@ impl VehicleDevices {
             None => troubles.clear(who),
         };
         let own = self.troubles();
-        self.named.store(count_of(&own), Ordering::Relaxed);
-        for (who, trouble) in own {
-            watch(who, trouble);
+        self.named.name(Instant::now(), &own);
+        for who in NAMES {
+            let of_name = own.iter().filter(|trouble| trouble.who == who);
+            let all: Vec<&str> = of_name.map(|trouble| trouble.what.as_str()).collect();
+            watch(who, (!all.is_empty()).then(|| all.join("; ")));
         }
         let Some(world) = &self.world else { return };
         watch(
@@ -170,20 +173,31 @@ impl VehicleDevices {
         );
     }
 
-    /// Returns whether more devices are in trouble than [`VehicleDevices::watch`] has named; costs next to nothing while none
+    /// Returns whether something is wrong that [`VehicleDevices::watch`] has not named; costs next to nothing while nothing
     /// is.
     pub fn has_new_trouble(&self) -> bool {
-        count_of(&self.troubles()) > self.named.load(Ordering::Relaxed)
+        self.named.has_new(&self.troubles())
     }
 
-    fn troubles(&self) -> DeviceTroubles {
+    fn troubles(&self) -> Vec<DeviceTrouble> {
+        let [range_sensor, servo, autopilot_link, radio] = NAMES;
         let on_autopilot = || self.autopilot.servo_trouble();
-        [
-            ("range sensor", self.range.trouble()),
-            ("servo", self.servo.trouble().or_else(on_autopilot)),
-            ("autopilot link", self.autopilot.trouble()),
-            ("radio", self.radio.trouble()),
-        ]
+        let of_sensors = self.range.troubles();
+        let single = [
+            (servo, self.servo.trouble().or_else(on_autopilot)),
+            (autopilot_link, self.autopilot.trouble()),
+            (radio, self.radio.trouble()),
+        ];
+        let of_sensors = of_sensors.map(|(nth, what)| DeviceTrouble {
+            who: range_sensor,
+            nth,
+            what,
+        });
+        let single = single.into_iter().filter_map(|(who, what)| {
+            let what = what?;
+            Some(DeviceTrouble { who, nth: 0, what })
+        });
+        of_sensors.chain(single).collect()
     }
 
     /// Returns what the range sensor has done; `None` for a vehicle that has none.
@@ -219,13 +233,6 @@ impl VehicleDevices {
             world.send(effect);
         }
     }
-}
-
-fn count_of(troubles: &DeviceTroubles) -> usize {
-    troubles
-        .iter()
-        .filter(|(_, trouble)| trouble.is_some())
-        .count()
 }
 
 /// Begins to connect to the world; what it says is told when a simulated device says it.

@@ -19,6 +19,9 @@ use super::newcomers::Newcomers;
 const ASKED_FOR: Duration = Duration::from_secs(10);
 /// A line is said again until it is as old as this.
 const SAID_AGAIN: Duration = Duration::from_millis(2500);
+/// Nothing more is said before this time has passed: whoever calls more often (a device has failed) finds nothing due, and the
+/// bus is not asked for more than it carries.
+const EVERY: Duration = Duration::from_millis(500);
 /// Messages with lines that are said at once at most; what is older then is not said.
 const MESSAGES_MAX: usize = 4;
 
@@ -42,6 +45,8 @@ struct Asked {
     said: u32,
     /// The next part of the settings that is to be said, if one is.
     next_part: Option<usize>,
+    /// When something was said last.
+    said_at: Option<Instant>,
 }
 
 impl SelfReport {
@@ -80,10 +85,13 @@ impl SelfReport {
         }
     }
 
-    /// Returns what is to be said now; called about once a second.
+    /// Returns what is to be said now; called about once a second, or more often.
     pub(super) fn due(&self, now: Instant) -> Vec<Message> {
         let mut asked = lock(&self.asked);
         let mut said = Vec::new();
+        if asked.said_at.is_some_and(|at| now - at < EVERY) {
+            return said;
+        }
         if asked.for_lines.is_some_and(|at| now - at < ASKED_FOR) {
             let lines = self.book.lines(now, asked.said, SAID_AGAIN);
             asked.said = lines
@@ -109,6 +117,9 @@ impl SelfReport {
                 parts: self.settings.len() as u8,
                 text: self.settings[part].clone(),
             }));
+        }
+        if !said.is_empty() {
+            asked.said_at = Some(now);
         }
         said
     }
@@ -276,7 +287,9 @@ mod tests {
         report.hear(now, operator, &hello(1, vec![Interest::Settings]));
         let mut said = String::new();
         for expected in 0..4 {
-            let messages = report.due(now);
+            let at = now + EVERY * u32::from(expected);
+            let messages = report.due(at);
+            assert_eq!(report.due(at + EVERY / 2), [], "one at a time");
             let [Message::Settings(part)] = &messages[..] else {
                 panic!("{messages:?}");
             };
@@ -285,7 +298,7 @@ mod tests {
             said.push_str(&part.text);
         }
         assert_eq!(said, long);
-        assert_eq!(report.due(now), []);
+        assert_eq!(report.due(now + EVERY * 4), []);
     }
 
     #[test]

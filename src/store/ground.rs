@@ -161,7 +161,8 @@ impl GroundStore {
         &self.path
     }
 
-    /// Makes the tables if there are none, and notes the start.
+    /// Makes the tables if there are none, or brings them up to date, and notes the start; a store of another venue is left as it
+    /// is.
     fn begin(&mut self, start: &Start) -> Result<(), StoreError> {
         let expected = start.venue_hash;
         let found = self.write(|transaction| {
@@ -173,26 +174,26 @@ impl GroundStore {
                     "INSERT INTO store VALUES (?, ?, ?)",
                     params![hex(start.new_id), hex(expected), now_utc_s()],
                 )?;
-            } else {
-                let version = schema::version(transaction)?;
-                transaction.execute_batch(&schema::updates(version))?;
             }
             let found: String =
                 transaction.query_row("SELECT venue_hash FROM store", [], |row| row.get(0))?;
-            if found == hex(expected) {
-                transaction.execute(
-                    "INSERT INTO provenance VALUES (?, ?, ?, ?, ?, ?, ?)",
-                    params![
-                        now_utc_s(),
-                        SOFTWARE,
-                        start.config,
-                        start.venue,
-                        hex(expected),
-                        start.seed.map(u64::cast_signed),
-                        start.note
-                    ],
-                )?;
+            if found != hex(expected) {
+                return Ok(found);
             }
+            let version = schema::version(transaction)?;
+            transaction.execute_batch(&schema::updates(version))?;
+            transaction.execute(
+                "INSERT INTO provenance VALUES (?, ?, ?, ?, ?, ?, ?)",
+                params![
+                    now_utc_s(),
+                    SOFTWARE,
+                    start.config,
+                    start.venue,
+                    hex(expected),
+                    start.seed.map(u64::cast_signed),
+                    start.note
+                ],
+            )?;
             Ok(found)
         })?;
         if found != hex(expected) {

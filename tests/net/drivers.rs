@@ -127,6 +127,12 @@ fn until_said(swarm: &Swarm, is_wrong: bool) -> Duration {
     }
 }
 
+/// Returns the one in the middle: single ones are left to a busy machine.
+pub fn median(mut times: Vec<Duration>) -> Duration {
+    times.sort();
+    times[times.len() / 2]
+}
+
 #[test]
 fn a_sensor_that_falls_silent_or_is_pulled_out_is_missed_soon() {
     let mut swarm = Swarm::prepare(Size {
@@ -144,6 +150,7 @@ fn a_sensor_that_falls_silent_or_is_pulled_out_is_missed_soon() {
     );
     let mut sensor = Sensor::plug(&port, b"R5000\r");
     swarm.run();
+    let (mut silent_after, mut gone_after) = (Vec::new(), Vec::new());
     for turn in 0..5 {
         until_said(&swarm, false);
         // At any moment between the looks of every second.
@@ -159,11 +166,14 @@ fn a_sensor_that_falls_silent_or_is_pulled_out_is_missed_soon() {
         swarm.note(&format!(
             "silent: missed after {silent:?}; pulled out: missed after {gone:?}"
         ));
-        // The ninth ping without an answer, or the one after it, shows that it is silent, a second after the last one with an
-        // answer at most; any ping shows that it is gone. The rest is left to a busy machine.
-        assert!(silent < Duration::from_secs(2), "{silent:?}");
-        assert!(gone < Duration::from_secs(1), "{gone:?}");
+        silent_after.push(silent);
+        gone_after.push(gone);
     }
+    // The ninth ping without an answer, or the one after it, shows that it is silent, a second after the last one with an
+    // answer at most; any ping shows that it is gone. With the looks of every second alone it would take half a second more.
+    let [silent, gone] = [silent_after, gone_after].map(median);
+    assert!(silent < Duration::from_millis(1250), "{silent:?}");
+    assert!(gone < Duration::from_millis(300), "{gone:?}");
     swarm.end_in_order();
 }
 

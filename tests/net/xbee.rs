@@ -8,6 +8,7 @@ use tomoswarm::store::ground::GroundStore;
 use tomoswarm_proto::{RadioHealth, RunId, VehicleId};
 
 use crate::cable::Cable;
+use crate::drivers::median;
 use crate::python::run_script;
 use crate::swarm::{PROGRAM, Size, Swarm, vehicle};
 
@@ -216,6 +217,7 @@ fn a_module_that_is_pulled_out_is_missed_soon_costs_nothing_and_sends_soon_when_
         1e2 * radio
     ));
     assert!(radio < 0.01, "{radio} of a core");
+    let mut missed_after = Vec::new();
     for turn in 0..5 {
         let plugged = Instant::now();
         cable.plug();
@@ -229,9 +231,11 @@ fn a_module_that_is_pulled_out_is_missed_soon_costs_nothing_and_sends_soon_when_
         ));
         let most_s = if turn == 0 { 3 } else { 2 };
         assert!(sends < Duration::from_secs(most_s), "{sends:?}");
-        // The next ping, ten a second, shows that it is gone; the rest is left to a busy machine.
-        assert!(said < Duration::from_secs(1), "{said:?}");
+        missed_after.push(said);
     }
+    // The next ping, ten a second, shows that it is gone.
+    let missed = median(missed_after);
+    assert!(missed < Duration::from_millis(300), "{missed:?}");
     swarm.end_in_order();
 }
 

@@ -9,6 +9,10 @@
 //!                        150 ms: again └────────────────┘
 //!                                 └──refused──► [refused] ──a pulse──► [pending]
 //! ```
+//!
+//! An answer does not say of which pulse it is: answers are counted, and one that was lost would make every later one look like
+//! that of the pulse before, as long as another pulse comes before this one is said again. After three tenths of a second
+//! without a confirmed pulse none is said therefore until 150 ms after the last one, when what was not answered is lost.
 
 use std::time::Duration;
 
@@ -21,7 +25,9 @@ use crate::time::Time;
 const AGAIN: Duration = Duration::from_millis(150);
 /// A servo that hears of its pulse later than this is not where it is expected when it has settled.
 const CONFIRMED_WITHIN: Duration = Duration::from_millis(80);
-/// Pulses of which none is answered for so long are a trouble.
+/// When no pulse was confirmed for so long, the next one waits until those before it are answered or lost.
+const COUNT_ANEW_AFTER: Duration = Duration::from_millis(300);
+/// That no pulse is confirmed for so long is a trouble.
 const TROUBLE_AFTER: Duration = Duration::from_secs(1);
 
 /// A pulse of a servo.
@@ -64,7 +70,12 @@ pub enum ServoTrouble {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Servo {
     requested: Option<RequestedPulse>,
+    /// When a pulse was requested first after the last one that was accepted or refused.
+    unconfirmed_since: Option<Time>,
+    /// That the last one accepted was late.
     late: Option<ServoTrouble>,
+    /// What was answered to a pulse that was refused after the last one accepted.
+    refused: Option<MavResult>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -77,16 +88,17 @@ struct RequestedPulse {
 
 #[derive(Clone, Copy, Debug)]
 enum State {
-    /// It has no answer yet; so many were said and not answered, an older pulse's among them, and none since then.
+    /// It has no answer yet, or waits to be said: when the last one was said, this or one before it, and how many of them are
+    /// not answered.
     Pending {
         at: Time,
         unanswered: u32,
-        silent_since: Time,
+        is_said: bool,
     },
     /// The autopilot gives it.
     Accepted { in_time: bool },
     /// The autopilot does not give it.
-    Refused(MavResult),
+    Refused,
 }
 
 impl Servo {
@@ -98,30 +110,40 @@ impl Servo {
         target: MavAddress,
         out: &mut Vec<DriverOut>,
     ) {
-        let (mut unanswered, mut silent_since) = (0, now);
+        let since = *self.unconfirmed_since.get_or_insert(now);
+        let mut pending = State::Pending {
+            at: now,
+            unanswered: 1,
+            is_said: true,
+        };
         if let Some(requested) = &mut self.requested {
             match &mut requested.state {
                 // It has stood there since.
-                State::Accepted { in_time } if requested.pulse == pulse => return *in_time = true,
+                State::Accepted { in_time } if requested.pulse == pulse => {
+                    self.unconfirmed_since = None;
+                    return *in_time = true;
+                }
                 State::Pending { .. } if requested.pulse == pulse => return,
-                State::Pending {
-                    unanswered: so_far,
-                    silent_since: before,
-                    ..
-                } => (unanswered, silent_since) = (*so_far, *before),
-                State::Accepted { .. } | State::Refused(_) => {}
+                State::Pending { at, unanswered, .. } => {
+                    let waits = now.since(since) >= COUNT_ANEW_AFTER && now < *at + AGAIN;
+                    pending = State::Pending {
+                        at: if waits { *at } else { now },
+                        unanswered: *unanswered + u32::from(!waits),
+                        is_said: !waits,
+                    };
+                }
+                State::Accepted { .. } | State::Refused => {}
             }
         }
+        let is_said = matches!(pending, State::Pending { is_said: true, .. });
         self.requested = Some(RequestedPulse {
             pulse,
             since: now,
-            state: State::Pending {
-                at: now,
-                unanswered: unanswered + 1,
-                silent_since,
-            },
+            state: pending,
         });
-        say_pulse(pulse, target, out);
+        if is_said {
+            say_pulse(pulse, target, out);
+        }
     }
 
     /// Takes an answer.
@@ -136,22 +158,27 @@ impl Servo {
         };
         let State::Pending {
             unanswered,
-            silent_since,
+            is_said,
             ..
         } = state
         else {
             return;
         };
+        let is_accepted = ack.result == MavResult::MAV_RESULT_ACCEPTED;
+        if !is_accepted {
+            self.refused = Some(ack.result);
+        }
         *unanswered = unanswered.saturating_sub(1);
         // Of a pulse before this one.
-        if *unanswered > 0 {
-            *silent_since = now;
+        if *unanswered > 0 || !*is_said {
             return;
         }
-        if ack.result != MavResult::MAV_RESULT_ACCEPTED {
-            *state = State::Refused(ack.result);
+        self.unconfirmed_since = None;
+        if !is_accepted {
+            *state = State::Refused;
             return;
         }
+        self.refused = None;
         let after = now.since(*since);
         let in_time = after <= CONFIRMED_WITHIN;
         self.late = (!in_time).then_some(ServoTrouble::Late {
@@ -163,27 +190,31 @@ impl Servo {
 
     /// Forgets what it has: the autopilot has started anew.
     pub(super) fn forget(&mut self) {
-        self.requested = None;
+        (self.requested, self.unconfirmed_since, self.refused) = (None, None, None);
     }
 
     /// Returns when something is to be said again.
     pub(super) fn deadline(&self) -> Option<Time> {
         match self.requested?.state {
             State::Pending { at, .. } => Some(at + AGAIN),
-            State::Accepted { .. } | State::Refused(_) => None,
+            State::Accepted { .. } | State::Refused => None,
         }
     }
 
-    /// Says again what nobody has confirmed.
+    /// Says what waits to be said, and again what nobody has confirmed.
     pub(super) fn due(&mut self, now: Time, target: MavAddress, out: &mut Vec<DriverOut>) {
         if self.deadline().is_none_or(|due| now < due) {
             return;
         }
         if let Some(requested) = &mut self.requested
-            && let State::Pending { at, unanswered, .. } = &mut requested.state
+            && let State::Pending { .. } = requested.state
         {
             // What was not answered until now is lost.
-            (*at, *unanswered) = (now, 1);
+            requested.state = State::Pending {
+                at: now,
+                unanswered: 1,
+                is_said: true,
+            };
             say_pulse(requested.pulse, target, out);
         }
     }
@@ -198,12 +229,13 @@ impl Servo {
     pub(super) fn trouble(&self, now: Time) -> Option<ServoTrouble> {
         let requested = self.requested?;
         let output = requested.pulse.output;
-        match requested.state {
-            State::Pending { silent_since, .. } if now.since(silent_since) > TROUBLE_AFTER => {
-                Some(ServoTrouble::Silent { output })
-            }
-            State::Refused(result) => Some(ServoTrouble::Refused { output, result }),
-            State::Pending { .. } | State::Accepted { .. } => self.late,
+        if let Some(result) = self.refused {
+            return Some(ServoTrouble::Refused { output, result });
+        }
+        let is_silent = |since: Time| now.since(since) > TROUBLE_AFTER;
+        match self.unconfirmed_since {
+            Some(since) if is_silent(since) => Some(ServoTrouble::Silent { output }),
+            _ => self.late,
         }
     }
 }
@@ -316,7 +348,70 @@ mod tests {
         let silent = Some(ServoTrouble::Silent { output: 9 });
         assert_eq!(servo.trouble(at(1101)), silent);
         servo.answer(at(1110), &accepted());
-        assert_eq!(servo.trouble(at(1120)), None, "it answers, late");
+        assert_eq!(servo.trouble(at(1120)), silent, "to a pulse before");
+    }
+
+    /// Swings every 100 ms for so many pulses, each answered 20 ms after it was said, but for the third one; returns how many
+    /// were given in time, and the last trouble.
+    fn swing_and_lose_an_answer(pulses: u64, answer: &COMMAND_ACK_DATA) -> (usize, Servo) {
+        let (mut servo, mut out, mut given) = (Servo::default(), Vec::new(), 0);
+        let (mut said_at, mut count): (Vec<u64>, usize) = (Vec::new(), 0);
+        for ms in (0..100 * pulses).step_by(10) {
+            servo.due(at(ms), TARGET, &mut out);
+            if ms % 100 == 0 {
+                let wanted = pulse(1200 + (ms / 100 % 2) as u16);
+                servo.give(at(ms), wanted, TARGET, &mut out);
+            }
+            said_at.extend(said(&mut out).iter().map(|_| ms));
+            while said_at.first().is_some_and(|said_at| ms >= said_at + 20) {
+                said_at.remove(0);
+                count += 1;
+                if count != 3 {
+                    servo.answer(at(ms), answer);
+                }
+            }
+            given += usize::from(ms % 100 == 80 && servo.given().is_some());
+        }
+        (given, servo)
+    }
+
+    #[test]
+    fn an_answer_that_is_lost_costs_a_few_pulses_and_no_more() {
+        let (given, servo) = swing_and_lose_an_answer(40, &accepted());
+        assert!((35..40).contains(&given), "{given} of 40");
+        assert_eq!(servo.trouble(at(4000)), None);
+    }
+
+    #[test]
+    fn a_refusal_is_a_trouble_until_a_pulse_is_accepted() {
+        let (given, mut servo) =
+            swing_and_lose_an_answer(40, &ack(MavResult::MAV_RESULT_UNSUPPORTED));
+        assert_eq!(given, 0);
+        let mut out = Vec::new();
+        let is_refused =
+            |servo: &Servo| matches!(servo.trouble(at(4010)), Some(ServoTrouble::Refused { .. }));
+        assert!(is_refused(&servo));
+        servo.give(at(4000), pulse(1300), TARGET, &mut out);
+        assert!(is_refused(&servo), "also while the next one is pending");
+        servo.answer(at(4010), &accepted());
+        assert_eq!(servo.trouble(at(4010)), None);
+    }
+
+    #[test]
+    fn an_answer_that_comes_when_the_next_pulse_waits_does_not_confirm_it() {
+        let (mut servo, mut out) = (Servo::default(), Vec::new());
+        for turn in 0..3 {
+            servo.give(at(100 * turn), pulse(1200 + turn as u16), TARGET, &mut out);
+        }
+        assert_eq!(said(&mut out), [1200, 1201, 1202]);
+        servo.give(at(300), pulse(1203), TARGET, &mut out);
+        assert!(said(&mut out).is_empty(), "it waits");
+        (0..3).for_each(|_| servo.answer(at(320), &accepted()));
+        assert_eq!(servo.given(), None, "it was not said");
+        servo.due(at(350), TARGET, &mut out);
+        assert_eq!(said(&mut out), [1203]);
+        servo.answer(at(370), &accepted());
+        assert_eq!(servo.given(), Some(pulse(1203)));
     }
 
     #[test]

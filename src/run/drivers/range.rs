@@ -163,19 +163,17 @@ impl Range {
     }
 
     /// Returns what is wrong with them, in words.
-    pub fn trouble(&self) -> Option<String> {
-        let now = self.clock.now();
-        let all = self.sensors.iter().zip(self.mounts.all());
-        let troubles: Vec<String> = all
-            .filter_map(|(sensor, mount)| {
-                let trouble = sensor.trouble(now)?;
-                Some(match self.sensors.len() {
-                    1 => trouble,
-                    _ => format!("at {:.0}°: {trouble}", mount.zero.degrees()),
-                })
-            })
-            .collect();
-        (!troubles.is_empty()).then(|| troubles.join("; "))
+    pub fn troubles(&self) -> impl Iterator<Item = (usize, String)> {
+        let (now, are_several) = (self.clock.now(), self.sensors.len() > 1);
+        let all = self.sensors.iter().zip(self.mounts.all()).enumerate();
+        all.filter_map(move |(nth, (sensor, mount))| {
+            let trouble = sensor.trouble(now)?;
+            let told = match are_several {
+                false => trouble,
+                true => format!("at {:.0}°: {trouble}", mount.zero.degrees()),
+            };
+            Some((nth, told))
+        })
     }
 
     /// Returns what they have done together; `None` when there is none.

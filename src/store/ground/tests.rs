@@ -204,6 +204,9 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     }
 }
 
+/// Makes the tables those of version 3.
+const BACK_TO_3: &str = "ALTER TABLE images DROP COLUMN deviation; PRAGMA user_version = 3;";
+
 /// Returns a store whose tables are made those of a version of before by some statements, with a picture in it.
 fn store_of_before(folder: &tempfile::TempDir, back: &str) -> PathBuf {
     let path = path_in(folder);
@@ -236,8 +239,7 @@ fn a_store_of_version_1_is_read_and_brought_up_to_date() {
 #[test]
 fn images_of_version_3_have_no_deviation_and_new_ones_have() {
     let folder = tempfile::tempdir().unwrap();
-    let back = "ALTER TABLE images DROP COLUMN deviation; PRAGMA user_version = 3;";
-    let path = store_of_before(&folder, back);
+    let path = store_of_before(&folder, BACK_TO_3);
     let newest = |store: &GroundStore| store.newest_images(picture(2).run).unwrap().remove(0);
     let old = newest(&GroundStore::open_to_read(&path).unwrap());
     let made = picture(2).result.unwrap();
@@ -417,14 +419,13 @@ fn what_is_no_store_of_this_venue_and_version_is_refused_untouched() {
             .unwrap();
     };
     check_refused(foreign, &START, "another database");
-    check_refused(
-        |path| drop(make(path)),
-        &Start {
-            venue_hash: 1,
-            ..START
-        },
-        "another venue",
-    );
+    let elsewhere = Start {
+        venue_hash: 1,
+        ..START
+    };
+    check_refused(|path| drop(make(path)), &elsewhere, "another venue");
+    let older = |path: &Path| make(path).connection.execute_batch(BACK_TO_3).unwrap();
+    check_refused(older, &elsewhere, "another venue");
     let newer = |path: &Path| {
         make(path)
             .connection
