@@ -123,6 +123,7 @@ mod true_places;
 #[cfg(feature = "net")]
 pub mod vehicle;
 mod volume;
+mod volume_links;
 mod watch;
 mod whole_build;
 #[cfg(feature = "net")]

@@ -81,6 +81,7 @@ pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
 pub use tsvd::tsvd;
 pub use volume::{
-    MOST_VOLUME_LINKS, MOST_VOXELS, Volume, VolumeError, VolumeLink, VoxelGrid, reconstruct_volume,
+    MOST_VOLUME_LINKS, MOST_VOXELS, SpaceBins, SpaceCalibration, SpaceLink, Volume, VolumeError,
+    VolumeLink, VoxelGrid, calibrate_in_space, reconstruct_volume,
 };
 pub use weights::{WeightModel, WeightRows};

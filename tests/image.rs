@@ -17,6 +17,7 @@ mod walk;
 
 mod image {
     mod command;
+    mod copters;
     mod finds;
     mod outputs;
     mod phantoms;

@@ -73,10 +73,12 @@ pub struct ImageCommand {
     /// compared with [default: 0.3]
     #[arg(long, value_name = "METRES", value_parser = parse_cell, allow_negative_numbers = true)]
     pub cell: Option<f64>,
-    /// Makes an image in three dimensions, of so many layers between the lowest and the highest end. Needs heights (the columns
-    /// tx_z_m and rx_z_m) and an empty sweep between the same places, and takes every --solver but points; --png and --npy then hold
-    /// all layers, --json the strongest voxel
-    #[arg(long, value_name = "N", requires = "empty", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    /// Makes an image in three dimensions, of so many layers between the lowest and the highest end, with every --solver but
+    /// points; --png and --npy then hold all layers, --json the strongest voxel. Takes samples.csv of copters that flew at several
+    /// altitudes, and links with heights (the columns tx_z_m and rx_z_m); an empty sweep of such links is one between the same
+    /// places. Knows no zones around links (--weights) and no finds, and of samples neither how far places are off nor an image of
+    /// what stood in the empty sweep
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub layers: Option<u16>,
     /// Writes a picture
     #[arg(long, value_name = "FILE")]
@@ -141,6 +143,7 @@ Examples:
   tomoswarm image links.csv --pixels 80x80 --area 0,0,20,20 --npy structure.npy
   tomoswarm image out/courtyard-7 --empty out/courtyard-7 --png again.png   folders of runs; --empty may be another one
   tomoswarm image dump.json --json result.json --peaks 1             the strongest peak, for a script
+  tomoswarm image flight/samples.csv --empty flight/empty-samples.csv --layers 6 --png slices.png
   tomoswarm image walk.csv --nodes nodes.csv --empty empty.csv --track track.csv
 
 Exit codes: 0 done; 2 bad usage or recordings, or a file that cannot be written.";
@@ -222,9 +225,10 @@ impl ImageCommand {
         let (now, empty) = match &network {
             Some(network) => (network.now(), network.empty()),
             None => {
-                let now = read_files(&self.files, None, &mut made_from)?;
+                let any = |_: &Path, _: &Recording| Ok(());
+                let now = read_files(&self.files, None, &mut made_from, &any)?;
                 of_empty = made_from.len();
-                let empty = read_files(&self.empty, Some(now.unit), &mut made_from)?;
+                let empty = read_files(&self.empty, Some(now.unit), &mut made_from, &any)?;
                 self.check_alike(&now, &empty)?;
                 (now, empty)
             }
@@ -451,19 +455,25 @@ pub(super) fn read_with<T>(
     Ok(parse(&text).map_err(wrong)?)
 }
 
-/// Reads files that must all have one unit: the given one, else that of the first. The area is that of the first file
-/// that names one.
-fn read_files(
+/// Reads files that must all have one unit, the given one, else that of the first, and pass a check. The area is that of the
+/// first file that names one.
+///
+/// # Errors
+/// A file that cannot be read, is no recording, or not one as the others are; what the check says of one.
+pub(super) fn read_files(
     paths: &[PathBuf],
     expected: Option<LengthUnit>,
     made_from: &mut Vec<SourceFile>,
+    check: &dyn Fn(&Path, &Recording) -> Result<(), CliError>,
 ) -> Result<Recording, CliError> {
     let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
     let (mut pooled_in_m, mut channels, mut devices) = (None, BTreeSet::new(), Vec::new());
     let (mut is_without_offsets, mut runs) = (!paths.is_empty(), BTreeSet::new());
     let (mut known, mut repeated) = (BTreeMap::new(), 0);
+    let (mut heights_m, mut is_of_samples) = (Vec::new(), false);
     for path in paths {
         let mut recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
+        check(path, &recording)?;
         let expected = *unit.get_or_insert(recording.unit);
         if recording.unit != expected {
             let (found, expected) = (recording.unit.word(), expected.word());
@@ -483,6 +493,8 @@ fn read_files(
         repeated += recording.repeated;
         devices.resize(links.len(), None);
         links.extend(recording.links);
+        heights_m.extend(recording.heights_m);
+        is_of_samples |= recording.is_of_samples;
         devices.extend(recording.devices);
         channels.extend(recording.channels);
         runs.extend(recording.runs);
@@ -501,6 +513,12 @@ fn read_files(
         imaging = imaging.or(recording.imaging);
         pooled_in_m = recording.pooled_in_m.filter(|_| paths.len() == 1);
     }
+    // Without those of one file nobody knows which link the others are of.
+    heights_m.truncate(if heights_m.len() == links.len() {
+        links.len()
+    } else {
+        0
+    });
     Ok(Recording {
         links,
         unit: unit.unwrap_or(LengthUnit::Metre),
@@ -508,10 +526,11 @@ fn read_files(
         imaging,
         pooled_in_m,
         is_without_offsets,
-        is_of_samples: false,
+        is_of_samples,
         runs,
         channels,
-        heights_m: Vec::new(),
+        heights_m,
+        without_heights: None,
         in_time: Vec::new(),
         devices,
         keyed: Vec::new(),

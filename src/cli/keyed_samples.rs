@@ -48,6 +48,8 @@ pub struct KeyedSample {
     pub(super) transmitter: Option<VehicleId>,
     /// What was measured.
     pub(super) link: SeenLink,
+    /// How high both ends are, metres, as far as it is known.
+    pub(super) heights_m: (Option<f64>, Option<f64>),
 }
 
 /// Ends and strength of a link of one packet; without a strength it was missed.
@@ -64,7 +66,7 @@ impl KeyedSample {
         other: &KeyedSample,
         known_at: &str,
     ) -> Result<(), RecordingError> {
-        let said = |one: &KeyedSample| (one.heard_at_s, one.transmitter, one.link);
+        let said = |one: &KeyedSample| (one.heard_at_s, one.transmitter, one.link, one.heights_m);
         if said(self) == said(other) {
             return Ok(());
         }
@@ -106,6 +108,8 @@ impl Recording {
         self.links.retain(|_| keep.next().unwrap_or(true));
         let mut keep = is_new.iter().copied().chain(iter::repeat(true));
         self.devices.retain(|_| keep.next().unwrap_or(true));
+        let mut keep = is_new.iter().copied().chain(iter::repeat(true));
+        self.heights_m.retain(|_| keep.next().unwrap_or(true));
         self.repeated += is_new.iter().filter(|is_new| !**is_new).count();
         self.keyed.clear();
         self.in_time.clear();

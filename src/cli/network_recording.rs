@@ -91,6 +91,7 @@ impl NetworkRecording {
             runs: Default::default(),
             channels: Default::default(),
             heights_m: Vec::new(),
+            without_heights: None,
             in_time: Vec::new(),
             devices: Vec::new(),
             keyed: Vec::new(),

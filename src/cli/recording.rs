@@ -24,7 +24,7 @@ use crate::tomo::{
 pub const CSV_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm";
 
 /// The columns that may stand there as well: how high the ends are.
-const HEIGHTS: [&str; 2] = ["tx_z_m", "rx_z_m"];
+pub(super) const HEIGHTS: [&str; 2] = ["tx_z_m", "rx_z_m"];
 
 /// Farthest coordinate that is believed, metres.
 pub(super) const FARTHEST_M: f64 = 1e7;
@@ -109,8 +109,10 @@ pub struct Recording {
     pub runs: BTreeSet<RunId>,
     /// The channels on which it was measured, as far as it says so.
     pub channels: BTreeSet<u8>,
-    /// How high both ends of each link are, metres; empty when the recording does not say it.
+    /// How high both ends of each link are, metres; empty when the recording does not say it of all.
     pub heights_m: Vec<(f64, f64)>,
+    /// The line of the first sample that does not say how high both ends are.
+    pub without_heights: Option<usize>,
     /// The links in the order in which they were measured; empty when that is how they stand.
     pub in_time: Vec<usize>,
     /// Who measured each link, as far as it is known; empty when it is known of none.
@@ -261,12 +263,14 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let are_samples = of_samples.any(|known| csv::names(line).any(|name| name == known));
     let (mut heights_m, mut in_time, mut devices) = (Vec::new(), Vec::new(), Vec::new());
     let (mut runs, mut keyed, mut repeated) = (BTreeSet::new(), Vec::new(), 0);
+    let mut without_heights = None;
     let (links, channels, pooled_in_m) = if are_samples {
         let expected = format!("a header of samples, with {NEEDED} at least");
         let header = CsvHeader::read(number, line, SAMPLES_HEADER, expected)?;
         let samples = read_samples(&header, lines)?;
         (in_time, devices) = (samples.in_time, samples.devices);
         (keyed, repeated) = (samples.keyed, samples.repeated);
+        (heights_m, without_heights) = (samples.heights_m, samples.without_heights);
         runs.extend(samples.run);
         (samples.links, samples.channels, None)
     } else {
@@ -288,6 +292,7 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         runs,
         channels,
         heights_m,
+        without_heights,
         in_time,
         devices,
         keyed,
@@ -430,6 +435,7 @@ fn read_json(text: &str, share: f64) -> Result<Recording, RecordingError> {
         runs: BTreeSet::new(),
         channels: BTreeSet::new(),
         heights_m: Vec::new(),
+        without_heights: None,
         in_time: Vec::new(),
         devices: Vec::new(),
         keyed: Vec::new(),

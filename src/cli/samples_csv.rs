@@ -9,7 +9,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 use super::csv::CsvHeader;
 use super::imaging_comments::comments;
 use super::keyed_samples::{KeyedSample, SampleKey};
-use super::recording::{RecordingError, STRENGTH_DBM, wrong};
+use super::recording::{HEIGHTS, RecordingError, STRENGTH_DBM, wrong};
 use crate::config::LinksFile;
 use crate::ground::MeasuredSample;
 use crate::tomo::{Devices, Link, SAMPLES_HEADER, SampleLine};
@@ -53,14 +53,12 @@ pub(super) fn sample_line(text: &mut String, measured: &MeasuredSample) {
     line.write(text);
 }
 
-/// Numbers of a sample that an image does not ask for: what each counts, and its limits. They must be numbers all the same: a file
+/// Numbers of a sample that no image asks for: what each counts, and its limits. They must be numbers all the same: a file
 /// that holds something else there was not written by us.
-const UNASKED: [(&str, &str, (f64, f64)); 7] = [
+const UNASKED: [(&str, &str, (f64, f64)); 5] = [
     ("utc_error_s", "seconds", (0.0, SECONDS.1)),
-    ("tx_z_m", "metres", HEIGHT_M),
     ("tx_heading_rad", "radians", HEADING_RAD),
     ("tx_sd_m", "metres", (0.0, HEIGHT_M.1)),
-    ("rx_z_m", "metres", HEIGHT_M),
     ("rx_heading_rad", "radians", HEADING_RAD),
     ("rx_sd_m", "metres", (0.0, HEIGHT_M.1)),
 ];
@@ -80,6 +78,10 @@ pub(super) struct SampleLinks {
     pub(super) in_time: Vec<usize>,
     /// Who measured each of them, as far as the file says so.
     pub(super) devices: Vec<Option<Devices>>,
+    /// How high both ends are, metres; empty when a sample does not say it of both.
+    pub(super) heights_m: Vec<(f64, f64)>,
+    /// The line of the first sample that does not.
+    pub(super) without_heights: Option<usize>,
     /// Which samples they are; empty when the file does not say it.
     pub(super) keyed: Vec<KeyedSample>,
     /// How many lines were left out because their samples stand above already.
@@ -112,6 +114,8 @@ pub(super) fn read_samples<'a>(
     let (transmitter, receiver) = (header.column("transmitter"), header.column("vehicle"));
     let (mut links, mut read, mut of_file) = (Vec::new(), BTreeMap::new(), None);
     let (mut keyed, mut repeated) = (Vec::new(), 0);
+    let (mut heights_m, mut without_heights) = (Vec::new(), None);
+    let height_columns = HEIGHTS.map(|name| header.column(name));
     let [utc, heard_at] = ["utc", "heard_at_s"].map(|name| header.column(name));
     let (mut channels, mut times, mut devices) = (BTreeSet::new(), Vec::new(), Vec::new());
     let of_header = |(name, what, limits)| Some((header.column(name)?, what, limits));
@@ -139,6 +143,12 @@ pub(super) fn read_samples<'a>(
                 fields.ranged(*column, *limits, what)?;
             }
         }
+        // They must be numbers also where no image asks for them, as what is unasked.
+        let height = |column: Option<usize>| match column.filter(|z| !fields.is_empty(*z)) {
+            Some(column) => fields.ranged(column, HEIGHT_M, "metres").map(Some),
+            None => Ok(None),
+        };
+        let [from_z_m, to_z_m] = [height(height_columns[0])?, height(height_columns[1])?];
         if ends.as_flattened().iter().any(|end| fields.is_empty(*end)) {
             continue;
         }
@@ -173,6 +183,7 @@ pub(super) fn read_samples<'a>(
                 heard_at_s,
                 transmitter,
                 link: (from, to, rssi_dbm.map(|rssi_dbm| rssi_dbm - power_dbm)),
+                heights_m: (from_z_m, to_z_m),
             };
             if let Some(known) = read.get(&key) {
                 let known: &KeyedSample = known;
@@ -184,6 +195,10 @@ pub(super) fn read_samples<'a>(
             keyed.push(sample);
         }
         links.push(Link::of_packet(from, to, power_dbm, rssi_dbm));
+        match (from_z_m, to_z_m) {
+            (Some(from_z_m), Some(to_z_m)) => heights_m.push((from_z_m, to_z_m)),
+            (None, _) | (_, None) => without_heights = without_heights.or(Some(number)),
+        }
         devices.push(match (transmitter, receiver) {
             (Some(transmitter), Some(receiver)) => Some(Devices {
                 transmitter,
@@ -197,6 +212,9 @@ pub(super) fn read_samples<'a>(
     if links.is_empty() {
         let expected = "at least one sample with both places";
         return Err(wrong("2: ".into(), "the end of the file", expected));
+    }
+    if without_heights.is_some() {
+        heights_m.clear();
     }
     let has_utc = times.iter().all(|(utc, _)| utc.is_some());
     let mut in_time: Vec<usize> = (0..links.len()).collect();
@@ -215,6 +233,8 @@ pub(super) fn read_samples<'a>(
         channels,
         in_time,
         devices,
+        heights_m,
+        without_heights,
         keyed,
         repeated,
     })

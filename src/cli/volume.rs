@@ -1,43 +1,39 @@
-//! `tomoswarm image --layers N`: an image in three dimensions, of links whose ends have heights.
+//! `tomoswarm image --layers N`: an image in three dimensions, of links or samples whose ends have heights.
 //!
-//! Files in, files out; the work is done by `tomo::reconstruct_volume`.
+//! Files in, files out; the work is done by `tomo::reconstruct_volume`, of what [`super::volume_links`] has read.
 
-use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
-use std::slice;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
+use super::counted::counted;
 use super::error::CliError;
-use super::image::{ImageCommand, bounds, print, read_with};
-use super::image_checks::warning_of_itself;
+use super::image::{ImageCommand, print};
 use super::image_settings::warning_of_part;
-use super::image_text::{LEAST_SHOWN, dropped_in_words};
+use super::image_text::{LEAST_SHOWN, dropped_in_words, offsets_in_words};
 use super::image_values::SolverName;
 use super::outputs::{PendingFile, about, choice_json, dropped_json, solver_json};
 use super::progress_bar::with_steps;
-use super::recording::{Recording, read_recording};
+use super::reference::Reference;
 use super::standard_output::complain;
+use super::volume_links::{Sweeps, VolumeInput};
 use crate::config::SourceFile;
 use crate::draw::{DrawError, HeatMap, Picture, described};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
-    DropReason, DroppedLinks, ImagingSettings, Link, MOST_VOLUME_LINKS, MOST_VOXELS, NoiseModel,
-    Solver, Volume, VolumeError, VolumeLink, VoxelGrid, floor_dbm, reconstruct_volume,
+    DropReason, ImagingSettings, MOST_VOLUME_LINKS, MOST_VOXELS, Solver, Volume, VolumeError,
+    VoxelGrid, reconstruct_volume,
 };
 
 /// Voxels along the longer side, unless it is said.
 const VOXELS: f64 = 20.0;
-/// Standard deviation of a packet, and of a link between two sweeps, dB.
-const PACKET_SD_DB: f64 = 2.5;
-const LINK_SD_DB: f64 = 1.1;
 /// Layers beside each other in the picture.
 const BESIDE: usize = 3;
 /// Most layers that are drawn: each takes some megabytes.
 const MOST_DRAWN: usize = 100;
 
-/// Reads two recordings with heights, makes the volume, writes it, and prints a summary.
+/// Reads recordings with heights, makes the volume, writes it, and prints a summary.
 ///
 /// # Errors
 /// Recordings without heights or a partner, what no volume has, and files that cannot be read or written.
@@ -48,60 +44,59 @@ pub(super) fn run(
 ) -> Result<(), CliError> {
     check_options(command, layers)?;
     let mut made_from = Vec::new();
-    let now = read(&command.files, "FILE", &mut made_from)?;
-    let empty = read(&command.empty, "--empty", &mut made_from)?;
-    if let [of_now, of_empty] = &made_from[..] {
-        let warning = warning_of_itself(slice::from_ref(of_now), slice::from_ref(of_empty));
-        warning.iter().for_each(|warning| complain(warning));
-    }
-    let (links, mut dropped) = calibrated(&now, &empty);
-    let refused = |reason: String| CliError::Input {
-        path: command.files[0].clone(),
-        reason,
-    };
-    if links.is_empty() {
-        let reason =
-            "found no link that the empty sweep has as well, expected the same places in both";
-        return Err(refused(reason.to_owned()));
-    }
-    command.check_partners(links.len(), &dropped)?;
-    command.check_links(links.len(), &dropped)?;
-    let grid = grid_of(command, &now, layers)?;
-    if let Some(warning) = warning_of_part(command.area, bounds(now.links.iter())) {
+    let mut input = Sweeps::read(command, &mut made_from)?.calibrated(command);
+    check_input(command, &input)?;
+    let grid = grid_of(command, &input, layers)?;
+    if let Some(warning) = warning_of_part(command.area, input.ring) {
         complain(&warning);
     }
     let solver = solver_of(command, area_of(&grid));
-    let made = with_steps(|watch| reconstruct_volume(&links, grid, &solver, watch));
-    let volume = made.map_err(|problem| refused(why_no_volume(problem, &grid)))?;
-    if volume.used < links.len() {
-        dropped.insert(DropReason::OutsideArea, links.len() - volume.used);
+    let made =
+        with_steps(|watch| reconstruct_volume(&input.links, input.law, grid, &solver, watch));
+    let volume = made.map_err(|problem| refused(command, why_no_volume(problem, &grid)))?;
+    if volume.used < input.links.len() {
+        let outside = input.links.len() - volume.used;
+        input.dropped.insert(DropReason::OutsideArea, outside);
     }
-    command.check_links(volume.used, &dropped)?;
-    let files = filled(command, &volume, &solver, &dropped, &made_from)?;
-    let [x_m, y_m, z_m] = grid.centre(volume.strongest());
-    let strongest = match volume.values[volume.strongest()] {
-        none if none < LEAST_SHOWN => format!("nothing reaches {LEAST_SHOWN} dB/m"),
-        some => format!("strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {some:.2} dB/m"),
+    command.check_links(volume.used, &input.dropped)?;
+    let made = Made {
+        volume: &volume,
+        solver: &solver,
+        input: &input,
+        made_from: &made_from,
     };
-    let chosen = match &volume.choice {
-        Some(choice) => choice.words() + "\n",
-        None => String::new(),
-    };
-    let text = format!(
-        "links: {}, {} used, residual {:.2} dB\n{}{chosen}{strongest}\n",
-        volume.used + dropped.values().sum::<usize>(),
-        volume.used,
-        volume.residual_rms_db,
-        dropped_in_words(&dropped, "0 m")
-    );
+    let files = made.filled(command)?;
     // A command that ends with an error leaves no file.
-    print(out, &text)?;
+    print(out, &made.summary())?;
     Ok(files.into_iter().try_for_each(PendingFile::finish)?)
+}
+
+/// Refuses the recordings of a sweep.
+fn refused(command: &ImageCommand, reason: String) -> CliError {
+    CliError::Input {
+        path: command.files[0].clone(),
+        reason,
+    }
+}
+
+/// Checks that there are links to make a volume of.
+fn check_input(command: &ImageCommand, input: &VolumeInput) -> Result<(), CliError> {
+    let used = input.links.len();
+    if used == 0 && input.dropped.contains_key(&DropReason::NoEmptyPartner) {
+        let reason =
+            "found no link that the empty sweep has as well, expected the same places in both";
+        return Err(refused(command, reason.to_owned()));
+    }
+    command.check_partners(used, &input.dropped)?;
+    command.check_links(used, &input.dropped)
 }
 
 /// Returns how a volume of an area is found.
 fn solver_of(command: &ImageCommand, area: Rect) -> Solver {
-    let mut settings = ImagingSettings::for_change(area);
+    let mut settings = match command.empty.is_empty() {
+        true => ImagingSettings::for_area(area),
+        false => ImagingSettings::for_change(area),
+    };
     command
         .solver
         .unwrap_or(SolverName::Auto)
@@ -161,137 +156,30 @@ fn check_options(command: &ImageCommand, layers: usize) -> Result<(), CliError> 
     }
 }
 
-/// Reads the one recording of a sweep, which must have heights.
-fn read(
-    paths: &[PathBuf],
-    option: &str,
-    made_from: &mut Vec<SourceFile>,
-) -> Result<Recording, CliError> {
-    let [path] = paths else {
-        let reason = format!(
-            "--layers: found {} recordings as {option}, expected one",
-            paths.len()
-        );
-        return Err(CliError::Usage(reason));
-    };
-    let recording = read_with(path, made_from, |text| read_recording(text.as_bytes()))?;
-    if recording.heights_m.len() != recording.links.len() {
-        let reason = match recording.is_of_samples {
-            true => {
-                "found samples, expected links with the columns tx_z_m and rx_z_m: --layers compares links between the very \
-                 same places in both sweeps, and takes no samples"
-            }
-            false => "found links without heights, expected the columns tx_z_m and rx_z_m",
-        };
-        return Err(CliError::Input {
-            path: path.clone(),
-            reason: reason.to_owned(),
-        });
-    }
-    Ok(recording)
-}
-
-type Key = [[i64; 3]; 2];
-
-/// Returns both ends of the links of a recording, with which millimetres they stand at, whichever comes first.
-fn ends(recording: &Recording) -> impl Iterator<Item = ([[f64; 3]; 2], Key)> + '_ {
-    let of_link = move |(index, (from_z_m, to_z_m)): (usize, &(f64, f64))| {
-        let link = &recording.links[index];
-        let ends = [
-            [link.from.x_m, link.from.y_m, *from_z_m],
-            [link.to.x_m, link.to.y_m, *to_z_m],
-        ];
-        let mut key = ends.map(|end| end.map(|metres| libm::round(metres * 1e3) as i64));
-        key.sort_unstable();
-        (ends, key)
-    };
-    recording.heights_m.iter().enumerate().map(of_link)
-}
-
-/// What was measured between two places.
-struct Pooled {
-    ends: [[f64; 3]; 2],
-    key: Key,
-    /// Of all that was heard and missed there; its ends are those of the first.
-    link: Link,
-}
-
-/// Returns what was measured between places, in the order in which they come first, and which of it is whose; what comes again
-/// is pooled by its packets.
-fn pooled(recording: &Recording) -> (Vec<Pooled>, BTreeMap<Key, usize>) {
-    let (mut all, mut indices): (Vec<Pooled>, BTreeMap<Key, usize>) = (Vec::new(), BTreeMap::new());
-    for (link, (ends, key)) in recording.links.iter().zip(ends(recording)) {
-        let index = *indices.entry(key).or_insert(all.len());
-        match all.get_mut(index) {
-            Some(known) => {
-                let Link { from, to, .. } = known.link;
-                known.link = known.link.pooled(&Link { from, to, ..*link });
-            }
-            None => all.push(Pooled {
-                ends,
-                key,
-                link: *link,
-            }),
-        }
-    }
-    (all, indices)
-}
-
-/// Returns what the links have lost that were measured in both sweeps between the same places, and how many were not.
-fn calibrated(now: &Recording, empty: &Recording) -> (Vec<VolumeLink>, DroppedLinks) {
-    let recorded = now.imaging.as_ref();
-    let usual_dbm = NoiseModel::default().sensitivity_dbm;
-    let sensitivity_dbm = recorded.map_or(usual_dbm, |file| file.reception.sensitivity_dbm);
-    let ((now, _), (empty, partners)) = (pooled(now), pooled(empty));
-    let (mut links, mut dropped) = (Vec::new(), DroppedLinks::new());
-    let all = now.iter().chain(&empty).map(|one| &one.link);
-    let floor_dbm = floor_dbm(all, sensitivity_dbm);
-    for one in &now {
-        let partner = partners.get(&one.key).map(|index| &empty[*index]);
-        match lost(one, partner, floor_dbm) {
-            Ok(link) => links.push(link),
-            Err(reason) => *dropped.entry(reason).or_default() += 1,
-        }
-    }
-    (links, dropped)
-}
-
-/// Returns what a link has lost, as an image of pixels takes it.
-fn lost(now: &Pooled, partner: Option<&Pooled>, floor_dbm: f64) -> Result<VolumeLink, DropReason> {
-    let strength = |one: &Pooled| one.link.censored(floor_dbm, PACKET_SD_DB);
-    let now_is = strength(now).ok_or(DropReason::NeverHeard)?;
-    let partner = partner.ok_or(DropReason::NoEmptyPartner)?;
-    let empty_is = strength(partner).ok_or(DropReason::NoEmptyPartner)?;
-    if now.link.is_silent() && partner.link.is_silent() {
-        return Err(DropReason::SilentBefore);
-    }
-    let packets = 1.0 / now_is.packets + 1.0 / empty_is.packets;
-    Ok(VolumeLink {
-        from_m: now.ends[0],
-        to_m: now.ends[1],
-        attenuation_db: empty_is.mean_dbm - now_is.mean_dbm,
-        sd_db: (PACKET_SD_DB * PACKET_SD_DB * packets + LINK_SD_DB * LINK_SD_DB).sqrt(),
-        is_at_floor: now.link.is_silent(),
-    })
-}
-
 fn area_of(grid: &VoxelGrid) -> Rect {
     let corner = |at: [f64; 3]| Point::new(at[0], at[1]);
     Rect::new(corner(grid.low_m), corner(grid.high_m))
 }
 
-fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<VoxelGrid, CliError> {
-    let around = || bounds(now.links.iter());
-    let area = command.area.or(now.area).unwrap_or_else(around);
-    let heights = || {
-        now.heights_m
-            .iter()
-            .flat_map(|(from_m, to_m)| [*from_m, *to_m])
-    };
-    let low_m = heights().fold(f64::INFINITY, f64::min);
-    let high_m = heights().fold(f64::NEG_INFINITY, f64::max);
+fn grid_of(
+    command: &ImageCommand,
+    input: &VolumeInput,
+    layers: usize,
+) -> Result<VoxelGrid, CliError> {
+    let area = command.area.unwrap_or(input.area);
+    let (low_m, high_m) = input.heights_m;
     let longer_m = area.width_m().max(area.height_m());
     let count = |side_m: f64| (libm::round(VOXELS * side_m / longer_m) as usize).max(1);
+    let least_m = input.bin_m.unwrap_or(0.0);
+    if high_m - low_m < least_m {
+        return Err(refused(
+            command,
+            format!(
+                "found all ends {low_m:.2} to {high_m:.2} m high, expected altitudes at least {least_m:.2} m apart: at one altitude \
+                 nothing tells how high something is"
+            ),
+        ));
+    }
     let flat = (
         area.width_m() > 0.0 && area.height_m() > 0.0,
         high_m > low_m,
@@ -303,10 +191,7 @@ fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<Vox
             area.height_m(),
             high_m - low_m
         );
-        return Err(CliError::Input {
-            path: command.files[0].clone(),
-            reason,
-        });
+        return Err(refused(command, reason));
     }
     let usual = (count(area.width_m()), count(area.height_m()));
     let (columns, rows) = command.pixels.unwrap_or(usual);
@@ -317,47 +202,134 @@ fn grid_of(command: &ImageCommand, now: &Recording, layers: usize) -> Result<Vox
     })
 }
 
-/// Returns the files that are asked for, written, under temporary names.
-fn filled(
-    command: &ImageCommand,
-    volume: &Volume,
-    solver: &Solver,
-    dropped: &DroppedLinks,
-    made_from: &[SourceFile],
-) -> Result<Vec<PendingFile>, CliError> {
-    let mut files = Vec::new();
-    type Bytes<'a> = &'a dyn Fn() -> Result<Vec<u8>, CliError>;
-    let mut add = |path: &Option<PathBuf>, bytes: Bytes<'_>| -> Result<(), CliError> {
-        let Some(path) = path else { return Ok(()) };
-        let mut file = PendingFile::open(path)?;
-        file.fill(&bytes()?)?;
-        files.push(file);
-        Ok(())
-    };
-    add(&command.npy, &|| Ok(npy(volume)))?;
-    add(&command.png, &|| {
-        let slices = slices(volume).map_err(|error| CliError::Fault(error.to_string()))?;
-        Ok(described(slices, &about(made_from)))
-    })?;
-    add(&command.json, &|| {
-        let grid = volume.grid;
-        let strongest = volume.strongest();
-        let report = json!({
+/// A volume and where it comes from.
+struct Made<'a> {
+    volume: &'a Volume,
+    solver: &'a Solver,
+    input: &'a VolumeInput,
+    made_from: &'a [SourceFile],
+}
+
+impl Made<'_> {
+    /// Returns the files that are asked for, written, under temporary names.
+    fn filled(&self, command: &ImageCommand) -> Result<Vec<PendingFile>, CliError> {
+        let mut files = Vec::new();
+        type Bytes<'a> = &'a dyn Fn() -> Result<Vec<u8>, CliError>;
+        let mut add = |path: &Option<PathBuf>, bytes: Bytes<'_>| -> Result<(), CliError> {
+            let Some(path) = path else { return Ok(()) };
+            let mut file = PendingFile::open(path)?;
+            file.fill(&bytes()?)?;
+            files.push(file);
+            Ok(())
+        };
+        add(&command.npy, &|| Ok(npy(self.volume)))?;
+        add(&command.png, &|| {
+            let slices = slices(self.volume).map_err(|error| CliError::Fault(error.to_string()))?;
+            Ok(described(slices, &about(self.made_from)))
+        })?;
+        add(&command.json, &|| {
+            Ok(format!("{:#}\n", self.report()).into_bytes())
+        })?;
+        Ok(files)
+    }
+
+    /// Returns what the JSON output holds.
+    fn report(&self) -> Value {
+        let Made { volume, input, .. } = self;
+        let (grid, strongest) = (volume.grid, volume.strongest());
+        let samples =
+            |(read, repeated): (usize, usize)| json!({"read": read, "repeated": repeated});
+        json!({
             "links": volume.used,
-            "dropped": dropped_json(dropped),
+            "dropped": dropped_json(&input.dropped),
+            "samples": input.samples.map(samples),
+            "bin_m": input.bin_m,
+            "reference": self.reference().map(Reference::to_json),
             "residual_db": volume.residual_rms_db,
-            "solver": solver_json(solver),
+            "solver": solver_json(self.solver),
             "choice": volume.choice.as_ref().map(choice_json),
             "low_m": grid.low_m,
             "high_m": grid.high_m,
             "voxels": grid.counts,
+            "layers_without_links": self.layers_without_links(),
             "strongest": { "at_m": grid.centre(strongest), "strength": volume.values[strongest] },
             "version": env!("CARGO_PKG_VERSION"),
-            "made_from": made_from,
+            "made_from": self.made_from,
+        })
+    }
+
+    /// Returns what is printed.
+    fn summary(&self) -> String {
+        let Made { volume, input, .. } = self;
+        let [x_m, y_m, z_m] = volume.grid.centre(volume.strongest());
+        let strongest = match volume.values[volume.strongest()] {
+            none if none < LEAST_SHOWN => format!("nothing reaches {LEAST_SHOWN} dB/m\n"),
+            some => format!("strongest at ({x_m:.2}, {y_m:.2}, {z_m:.2}) m: {some:.2} dB/m\n"),
+        };
+        let samples = input.samples.map(|(read, repeated)| match repeated {
+            0 => format!("samples: {read}\n"),
+            _ => format!("samples: {read}, {repeated} given again and left out\n"),
         });
-        Ok(format!("{report:#}\n").into_bytes())
-    })?;
-    Ok(files)
+        let links = format!(
+            "links: {}, {} used, residual {:.2} dB\n",
+            volume.used + input.dropped.values().sum::<usize>(),
+            volume.used,
+            volume.residual_rms_db
+        );
+        let widened = input.bin_m.filter(|_| input.is_widened).map(|bin_m| {
+            format!("bins of {bin_m:.2} m, since in smaller ones there are more than {MOST_VOLUME_LINKS} links\n")
+        });
+        let shortest = format!("{:.2} m", input.shortest_m);
+        let chosen = volume.choice.as_ref().map(|choice| choice.words() + "\n");
+        let offsets = input.offsets.as_ref().map(offsets_in_words);
+        [
+            samples,
+            widened,
+            Some(links),
+            Some(dropped_in_words(&input.dropped, &shortest)),
+            self.reference().map(Reference::in_words),
+            offsets,
+            chosen,
+            self.unseen_in_words(),
+            Some(strongest),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// Returns the layers through which no link runs, from 0 for the lowest.
+    fn layers_without_links(&self) -> Vec<usize> {
+        let grid = self.volume.grid;
+        let last = grid.counts[2] - 1;
+        let layer_of = |height_m: f64| {
+            let layers = (height_m - grid.low_m[2]) / grid.side_m(2);
+            (layers.max(0.0) as usize).min(last)
+        };
+        let mut is_crossed = vec![false; last + 1];
+        for link in &self.input.links {
+            let (a, b) = (layer_of(link.from_m[2]), layer_of(link.to_m[2]));
+            is_crossed[a.min(b)..=a.max(b)].fill(true);
+        }
+        (0..=last).filter(|layer| !is_crossed[*layer]).collect()
+    }
+
+    fn unseen_in_words(&self) -> Option<String> {
+        let unseen = self.layers_without_links();
+        let count = counted(unseen.len(), "layer");
+        (!unseen.is_empty()).then(|| {
+            let layers: Vec<String> = unseen.iter().map(|layer| (layer + 1).to_string()).collect();
+            format!(
+                "no link runs through {count} of {}, counted from the lowest: {}; what stands there is not seen\n",
+                self.volume.grid.counts[2],
+                layers.join(", ")
+            )
+        })
+    }
+
+    fn reference(&self) -> Option<Reference> {
+        Reference::of(self.input.empty, self.input.law)
+    }
 }
 
 /// Returns the values for NumPy: f32, layers from below, rows from the south, columns from the west.
@@ -391,58 +363,4 @@ fn slices(volume: &Volume) -> Result<Vec<u8>, DrawError> {
         .map(slice)
         .collect::<Result<Vec<Picture>, _>>()?;
     Picture::tiled(&all, BESIDE)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn links_are_paired_by_their_places_whichever_end_comes_first() {
-        let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm\n";
-        let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
-        let now = recorded("0,0,1,9,0,2,4,-66\n0,5,1,9,5,2,4,-60\n0,0,1,9,0,3,4,-61\n");
-        let empty = recorded("9,0,2,0,0,1,4,-60\n0,5,1,9,5,2,4,-60\n");
-        let (links, dropped) = calibrated(&now, &empty);
-        let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
-        assert_eq!(losses, [6.0, 0.0]);
-        let expected = DroppedLinks::from([(DropReason::NoEmptyPartner, 1)]);
-        assert_eq!(dropped, expected);
-        assert_eq!(links[0].to_m, [9.0, 0.0, 2.0]);
-    }
-
-    #[test]
-    fn links_that_come_again_are_pooled_by_their_packets_in_both_sweeps() {
-        let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm\n";
-        let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
-        let now = recorded("0,0,1,9,0,2,1,-70\n9,0,2,0,0,1,3,-66\n");
-        let empty = recorded("0,0,1,9,0,2,6,-60\n0,5,1,9,5,2,4,-60\n9,0,2,0,0,1,2,-64\n");
-        let (links, _) = calibrated(&now, &empty);
-        let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
-        assert_eq!(losses, [6.0]);
-        let square_db2 =
-            PACKET_SD_DB * PACKET_SD_DB * (1.0 / 4.0 + 1.0 / 8.0) + LINK_SD_DB * LINK_SD_DB;
-        assert!((links[0].sd_db - square_db2.sqrt()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_link_that_was_silenced_has_lost_what_it_had_above_the_floor() {
-        let header = "tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,packets,rssi_dbm,misses\n";
-        let recorded = |lines: &str| read_recording(format!("{header}{lines}").as_bytes()).unwrap();
-        let now = recorded("0,0,1,9,0,2,0,,7\n0,5,1,9,5,2,2,-70,6\n0,9,1,9,9,2,0,,1\n");
-        let empty = recorded("9,0,2,0,0,1,4,-60,0\n0,5,1,9,5,2,4,-60,0\n0,9,1,9,9,2,4,-60,0\n");
-        let (links, dropped) = calibrated(&now, &empty);
-        let losses: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
-        // 0.906⁷ = ½, and Φ(1.315) = 0.906. Six of eight packets that are missed 25 dB above the floor have collided.
-        let expected = [35.0 + 1.315 * PACKET_SD_DB, 10.0];
-        assert!(
-            losses.len() == 2
-                && losses
-                    .iter()
-                    .zip(expected)
-                    .all(|(lost, of)| (lost - of).abs() < 0.01),
-            "{losses:?}"
-        );
-        assert_eq!(dropped, DroppedLinks::from([(DropReason::NeverHeard, 1)]));
-    }
 }

@@ -17,9 +17,9 @@
 //! world, and of what the world says only what simulated devices say is believed.
 
 pub mod autopilot;
-mod device_troubles;
 #[cfg(feature = "hw")]
 mod device_thread;
+mod device_troubles;
 pub mod radio;
 pub mod range;
 mod reopening;

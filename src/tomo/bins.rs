@@ -34,6 +34,11 @@ impl BinKey {
         (BinKey(low, high), exchanged)
     }
 
+    /// Returns whether both ends lie in one square.
+    pub(super) fn is_one_square(self) -> bool {
+        self.0 == self.1
+    }
+
     /// Returns the key whose ends lie the given numbers of squares (x, y) away from this key's ends.
     pub(super) fn moved(self, low: (i32, i32), high: (i32, i32)) -> BinKey {
         let (a, b) = (shifted(self.0, low), shifted(self.1, high));
@@ -68,13 +73,13 @@ const UNITS_PER_M: f64 = 1_099_511_627_776.0;
 
 /// The sum of places in whole units, so that it is the same in whatever order they come.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct PlaceSum {
+pub(super) struct PlaceSum {
     x: i128,
     y: i128,
 }
 
 impl PlaceSum {
-    fn add(&mut self, place: Point, times: u32) {
+    pub(super) fn add(&mut self, place: Point, times: u32) {
         // A float becomes the nearest whole number that fits, so no place overflows.
         let units = |metres: f64| {
             (libm::round(metres * UNITS_PER_M) as i128).saturating_mul(i128::from(times))
@@ -83,7 +88,7 @@ impl PlaceSum {
         self.y = self.y.saturating_add(units(place.y_m));
     }
 
-    fn mean(&self, count: u32) -> Point {
+    pub(super) fn mean(&self, count: u32) -> Point {
         let metres = |units: i128| units as f64 / UNITS_PER_M / f64::from(count);
         Point::new(metres(self.x), metres(self.y))
     }
@@ -269,11 +274,12 @@ impl LinkBins {
         (now, empty)
     }
 
-    fn all_heard(&self) -> impl Iterator<Item = &[Heard]> + Clone {
+    pub(super) fn all_heard(&self) -> impl Iterator<Item = &[Heard]> + Clone {
         self.bins.values().map(|bin| bin.heard.as_slice())
     }
 
-    fn links_without(&self, offsets: Option<&DeviceOffsets>) -> Vec<Link> {
+    /// Returns the links in the order of their bins without these offsets of radios; `None` = as they were measured.
+    pub(super) fn links_without(&self, offsets: Option<&DeviceOffsets>) -> Vec<Link> {
         let alike = DeviceOffsets::default();
         let offsets = offsets.unwrap_or(&alike);
         self.bins.values().map(|bin| bin.link(offsets)).collect()

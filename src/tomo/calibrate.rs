@@ -220,34 +220,38 @@ pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
         || both(&|at| (at.y_m - ring.max.y_m).abs())
 }
 
-/// Fits the law on the links along the sides when there are enough of them.
-///
-/// Otherwise on all that are long enough, and then only the level: many of these cross the same wall, so their errors go
-/// together and the fit would be sure of nonsense (n = 3.5). The exponent stays at its prior, and what the
-/// fit leaves open is found with the image.
+/// Fits the law on the links along the sides when there are enough of them, see [`law_of`].
 fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss> {
-    const FEWEST_FREE: usize = 8;
     let is_usable =
         |link: &&Link| link.packets > 0 && link.length_m() >= 0.5 * settings.shortest_link_m;
     let usable: Vec<Link> = links.iter().filter(is_usable).copied().collect();
     let is_free = |link: &&Link| runs_along_a_side(link, settings.ring, settings.side_tolerance_m);
     let free: Vec<Link> = usable.iter().filter(is_free).copied().collect();
+    law_of(&free, &usable, settings.exponent)
+}
+
+/// Fits the law on the links `free` of things in between when there are enough of them.
+///
+/// Otherwise on all that are long enough, `usable`, and then only the level: many of these cross the same wall, so their errors
+/// go together and the fit would be sure of nonsense (n = 3.5). The exponent stays at its prior, and what the
+/// fit leaves open is found with the image.
+pub(super) fn law_of(free: &[Link], usable: &[Link], exponent: ExponentPrior) -> Option<PathLoss> {
+    const FEWEST_FREE: usize = 8;
     if free.len() >= FEWEST_FREE {
-        let law = PathLoss::fit(&free, settings.exponent)?;
+        let law = PathLoss::fit(free, exponent)?;
         return Some(PathLoss {
             basis: LawBasis::Sides,
             ..law
         });
     }
     let held = ExponentPrior {
-        sd: settings.exponent.sd.min(1e-3),
-        ..settings.exponent
+        sd: exponent.sd.min(1e-3),
+        ..exponent
     };
-    let law = PathLoss::fit(&usable, held)?;
-    let exponent_sd = settings.exponent.sd.min(1.0);
+    let law = PathLoss::fit(usable, held)?;
     Some(PathLoss {
         level_sd_db: law.residual_db,
-        exponent_sd,
+        exponent_sd: exponent.sd.min(1.0),
         ..law
     })
 }

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `evidence` | the likelihood of persons at some places, and its maximum near by |
 //! | `places` | where one more person would explain most |
+//! | `place` | how far off a place may be |
 //! | `correlation` | how much the noise of neighbouring links goes together |
 //! | `threshold` | how strong evidence must be |
 //!
@@ -15,6 +16,7 @@
 
 mod correlation;
 mod evidence;
+mod place;
 mod places;
 mod threshold;
 
@@ -86,8 +88,7 @@ pub struct Find {
 impl Find {
     /// Returns the larger of the deviations of the place by x and by y, metres.
     pub fn deviation_m(&self) -> f64 {
-        let [xx, _, yy] = self.covariance_m2;
-        xx.max(yy).max(0.0).sqrt()
+        larger_deviation_m(self.covariance_m2)
     }
 }
 
@@ -107,7 +108,8 @@ pub struct Finds {
 impl Finds {
     /// Returns the strongest one that passes and whose place the links cannot tell: somebody is there, and nobody knows where.
     pub fn unlocated(&self, settings: &FindSettings) -> Option<&Find> {
-        let passes = |next: &&Find| next.evidence >= self.threshold && !settings.locates(next);
+        let passes =
+            |next: &&Find| next.evidence >= self.threshold && !settings.locates(next.covariance_m2);
         self.next.as_ref().filter(passes)
     }
 }
@@ -126,9 +128,9 @@ impl FindSettings {
         false_per_image: 0.02,
     };
 
-    /// Returns whether the place of a find is known well enough.
-    fn locates(&self, find: &Find) -> bool {
-        find.deviation_m() <= LOCATED * self.person.radius_m
+    /// Returns whether a place of this covariance is known well enough.
+    fn locates(&self, covariance_m2: [f64; 3]) -> bool {
+        larger_deviation_m(covariance_m2) <= LOCATED * self.person.radius_m
     }
 
     /// Returns the same in cells of a lattice over an area; rim and pitch go by the area, which persons stand in as they can.
@@ -235,7 +237,7 @@ pub(super) fn find_persons(
     let (found, vague) = search
         .finds(&kept)
         .into_iter()
-        .partition::<Vec<Find>, _>(|find| settings.locates(find));
+        .partition::<Vec<Find>, _>(|find| settings.locates(find.covariance_m2));
     Some(Finds {
         found,
         next: vague
@@ -368,8 +370,8 @@ impl Search<'_> {
         self.finds(&[*strongest]).pop()
     }
 
-    /// Returns the targets with the deviations of their places, all together:
-    /// F⁻¹ (U (1 + R) Uᵀ + prior) F⁻¹ with U = J √w̄, F = U Uᵀ + prior, w̄ = (ν + 1) / (ν + 3) / (κ v).
+    /// Returns the targets with the covariances of their places ([`place`]), all together; by the curvature these are
+    /// F⁻¹ (U (1 + R) Uᵀ + prior) F⁻¹ with U = J √w̄, F = U Uᵀ + prior, w̄ = (ν + 1) / (ν + 3) / (κ v), and F⁻¹ without R.
     fn finds(&self, judged: &[Judged]) -> Vec<Find> {
         let targets: Vec<Target> = judged.iter().map(|one| one.target).collect();
         let Derivatives(mut rows) = self.evidence.derivatives(&targets);
@@ -399,9 +401,9 @@ impl Search<'_> {
             })
             .collect();
         let nowhere_m2 = self.evidence.area.width_m() * self.evidence.area.height_m();
-        let covariance = |i: usize, j: usize| {
+        let covariance_m2 = |k: usize| {
             let Some(factor) = &factor else {
-                return if i == j { nowhere_m2 } else { 0.0 };
+                return [nowhere_m2, 0.0, nowhere_m2];
             };
             let column = |index: usize| {
                 let mut unit = vec![0.0; rows.len()];
@@ -409,10 +411,19 @@ impl Search<'_> {
                 factor.solve(&mut unit);
                 unit
             };
-            let (left, right) = (column(i), column(j));
-            let product = |line: &Vec<f64>| dot(line, &right);
-            let turned: Vec<f64> = spread.iter().map(product).collect();
-            dot(&left, &turned)
+            let (x, y) = (column(3 * k), column(3 * k + 1));
+            let spread_by = |left: &[f64], right: &[f64]| {
+                let turned: Vec<f64> = spread.iter().map(|line| dot(line, right)).collect();
+                dot(left, &turned)
+            };
+            let curvature = [spread_by(&x, &x), spread_by(&x, &y), spread_by(&y, &y)];
+            let independent = [x[3 * k], x[3 * k + 1], y[3 * k + 1]];
+            // Of a place that no link tells there is nothing to follow.
+            match self.evidence.settings.locates(curvature) {
+                true => place::covariance(&self.evidence, &targets, k, curvature, independent),
+                false => None,
+            }
+            .unwrap_or(curvature)
         };
         judged
             .iter()
@@ -420,11 +431,7 @@ impl Search<'_> {
             .map(|(k, one)| Find {
                 at: one.target.at,
                 strength: one.target.strength,
-                covariance_m2: [
-                    covariance(3 * k, 3 * k),
-                    covariance(3 * k, 3 * k + 1),
-                    covariance(3 * k + 1, 3 * k + 1),
-                ],
+                covariance_m2: covariance_m2(k),
                 evidence: one.evidence,
                 probability: libm::exp(-self.rate.expected(one.evidence)),
             })
@@ -437,6 +444,10 @@ fn places_apart_m(settings: &FindSettings, inner: Rect, links: usize) -> f64 {
     let most = MOST_PLACES.min(MOST_PAIRS / links.max(1) as f64);
     let finest_m = (inner.width_m() * inner.height_m() / most).sqrt();
     settings.pitch_m.max(finest_m)
+}
+
+fn larger_deviation_m([xx, _, yy]: [f64; 3]) -> f64 {
+    xx.max(yy).max(0.0).sqrt()
 }
 
 fn targets_above(judged: &[Judged], gain: f64) -> Vec<Target> {

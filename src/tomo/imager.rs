@@ -21,7 +21,7 @@ use super::error::TomoError;
 use super::finds::{Driven, Finds, SearchedGround, find_persons};
 use super::imaged_links::ImagedLink;
 use super::map_solver::{MapProblem, MapSettings, MapStart, Nuisance};
-use super::path_loss::{PathLoss, spread_db};
+use super::path_loss::PathLoss;
 use super::peaks::{Peak, peaks};
 use super::prior::Covariance;
 use super::progress::{ImagingStep, Watch};
@@ -523,31 +523,13 @@ impl Imager {
 
 /// Returns the unknowns of the path loss, of which an empty sweep leaves none.
 fn nuisance_of(calibrated: &Calibrated) -> Vec<Nuisance> {
-    match calibrated.by_empty_sweep {
-        true => Vec::new(),
-        false => path_loss_columns(calibrated),
+    match calibrated.path_loss {
+        Some(law) if !calibrated.by_empty_sweep => {
+            let links = calibrated.observations.iter();
+            law.nuisance(links.map(|link| Point::distance_to(link.from, link.to)))
+        }
+        Some(_) | None => Vec::new(),
     }
-}
-
-/// The unknown level and exponent of the fitted law: y = W x − δP0 + 10 δn (log d − centre).
-fn path_loss_columns(calibrated: &Calibrated) -> Vec<Nuisance> {
-    let Some(law) = calibrated.path_loss else {
-        return Vec::new();
-    };
-    let slopes = calibrated.observations.iter().map(|link| {
-        let distance_m = Point::distance_to(link.from, link.to);
-        spread_db(distance_m) - law.centre_db
-    });
-    vec![
-        Nuisance {
-            column: vec![1.0; calibrated.observations.len()],
-            variance: law.level_sd_db * law.level_sd_db,
-        },
-        Nuisance {
-            column: slopes.collect(),
-            variance: law.exponent_sd * law.exponent_sd,
-        },
-    ]
 }
 
 /// Returns reasons and counts in words, and under which length links are too short.

@@ -1,7 +1,7 @@
 //! What a link would have had in the empty sweep: ordinary kriging over the links of that sweep near it.
 //!
-//! A place is both ends of a link, four coordinates; every link of the empty sweep is entered in both orders, as it is the same
-//! from either end. What is interpolated is the level, the strength without the spreading over its distance:
+//! A place is both ends of a link, four coordinates, in space six; every link of the empty sweep is entered in both orders, as it
+//! is the same from either end. What is interpolated is the level, the strength without the spreading over its distance:
 //! u = mean + 10 n log10 d, and without what an image of the empty sweep explains, if there is one. It varies little where
 //! nothing stands near and much behind a wall, so its variance (the sill) is estimated place by place:
 //!
@@ -17,7 +17,6 @@
 
 use std::collections::BTreeMap;
 
-use super::Link;
 use super::cholesky::{Cholesky, dot};
 
 /// Most neighbours that are looked at.
@@ -38,9 +37,11 @@ const LEAST_SHARE: f64 = 0.05;
 
 /// What is known of one link of the empty sweep.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Level {
-    /// Its ends, metres.
-    pub link: Link,
+pub(super) struct Level<const N: usize> {
+    /// Its first end, then its other one, metres: N / 2 coordinates each.
+    pub ends_m: [f64; N],
+    /// Whether it was never heard, see [`super::Link::is_silent`].
+    pub is_silent: bool,
     /// u: its strength but for its distance and for what is explained otherwise, dBm.
     pub level_dbm: f64,
     /// s²: the variance of that, dB².
@@ -49,11 +50,11 @@ pub(super) struct Level {
 
 /// The levels of the empty sweep, to be asked for any link.
 #[derive(Debug)]
-pub(super) struct LevelField {
+pub(super) struct LevelField<const N: usize> {
     scale_m: f64,
     /// In both orders: the second half has the ends exchanged.
-    places: Vec<[f64; 4]>,
-    levels: Vec<Level>,
+    places: Vec<[f64; N]>,
+    levels: Vec<Level<N>>,
     sills_db2: Vec<f64>,
     /// By the square that the first end lies in.
     squares: BTreeMap<(i32, i32), Vec<usize>>,
@@ -66,12 +67,14 @@ struct Neighbour {
     away_m: f64,
 }
 
-impl LevelField {
+impl<const N: usize> LevelField<N> {
     /// Takes the links of an empty sweep, pooled in bins of this size, metres.
-    pub(super) fn new(levels: Vec<Level>, bin_m: f64) -> LevelField {
-        let place = |link: &Link| [link.from.x_m, link.from.y_m, link.to.x_m, link.to.y_m];
-        let exchanged = |[a, b, c, d]: [f64; 4]| [c, d, a, b];
-        let straight: Vec<[f64; 4]> = levels.iter().map(|level| place(&level.link)).collect();
+    pub(super) fn new(levels: Vec<Level<N>>, bin_m: f64) -> LevelField<N> {
+        let exchanged = |mut ends_m: [f64; N]| {
+            ends_m.rotate_left(N / 2);
+            ends_m
+        };
+        let straight: Vec<[f64; N]> = levels.iter().map(|level| level.ends_m).collect();
         let crossed = straight.iter().copied().map(exchanged);
         let mut field = LevelField {
             scale_m: bin_m,
@@ -88,11 +91,10 @@ impl LevelField {
         field
     }
 
-    /// Returns what the level of a link was in the empty sweep, and the variance of that (dBm, dB²); `None` when no link of the
-    /// empty sweep is near.
-    pub(super) fn level_of(&self, link: &Link) -> Option<(f64, f64)> {
-        let at = [link.from.x_m, link.from.y_m, link.to.x_m, link.to.y_m];
-        let near = self.neighbours(&at);
+    /// Returns what the level of a link between these ends was in the empty sweep, and the variance of that (dBm, dB²); `None`
+    /// when no link of the empty sweep is near.
+    pub(super) fn level_of(&self, ends_m: &[f64; N]) -> Option<(f64, f64)> {
+        let near = self.neighbours(ends_m);
         let nearest = near.first()?;
         let sills = near.iter().map(|one| self.sill_db2(one.place));
         let mean_db2 = sills.sum::<f64>() / near.len() as f64;
@@ -101,11 +103,10 @@ impl LevelField {
     }
 
     /// Returns whether the empty sweep was silent around a link, too: more than one in five of the nearest few there were.
-    pub(super) fn is_silent_around(&self, link: &Link) -> bool {
-        let at = [link.from.x_m, link.from.y_m, link.to.x_m, link.to.y_m];
-        let near = self.neighbours(&at);
+    pub(super) fn is_silent_around(&self, ends_m: &[f64; N]) -> bool {
+        let near = self.neighbours(ends_m);
         let nearest = near.iter().take(NEAREST);
-        let silent = nearest.filter(|one| self.level(one.place).link.is_silent());
+        let silent = nearest.filter(|one| self.level(one.place).is_silent);
         silent.count() as f64 > SILENT_SHARE * near.len().min(NEAREST) as f64
     }
 
@@ -161,7 +162,7 @@ impl LevelField {
     }
 
     /// Returns what the differences of a link to its neighbours say of the sill, dB²; 0 when none is near enough.
-    fn raw_sill(&self, level: &Level, near: &[Neighbour]) -> f64 {
+    fn raw_sill(&self, level: &Level<N>, near: &[Neighbour]) -> f64 {
         let (mut squares, mut away_m, mut count) = (0.0, 0.0, 0.0);
         let is_near = |one: &&Neighbour| one.away_m < NEAR_BINS * self.scale_m;
         for one in near.iter().filter(is_near) {
@@ -179,7 +180,7 @@ impl LevelField {
         squares / count / 2.0 / share.max(LEAST_SHARE)
     }
 
-    fn level(&self, place: usize) -> &Level {
+    fn level(&self, place: usize) -> &Level<N> {
         &self.levels[place % self.levels.len()]
     }
 
@@ -188,7 +189,7 @@ impl LevelField {
     }
 
     /// Returns the links nearest to a place, the nearest first.
-    fn neighbours(&self, at: &[f64; 4]) -> Vec<Neighbour> {
+    fn neighbours(&self, at: &[f64; N]) -> Vec<Neighbour> {
         let (x, y) = self.square(at);
         let mut near = Vec::new();
         for square in (-1..=1).flat_map(|up| (-1..=1).map(move |right| (right, up))) {
@@ -209,14 +210,14 @@ impl LevelField {
         near
     }
 
-    fn square(&self, at: &[f64; 4]) -> (i32, i32) {
+    fn square(&self, at: &[f64; N]) -> (i32, i32) {
         let index = |metres: f64| libm::floor(metres / (REACH_BINS * self.scale_m)) as i32;
         (index(at[0]), index(at[1]))
     }
 }
 
-/// Returns how far two places are apart in all four coordinates, metres.
-fn apart_m(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+/// Returns how far two places are apart in all coordinates, metres.
+fn apart_m<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     let square = |(x, y): (&f64, &f64)| (x - y) * (x - y);
     a.iter().zip(b).map(square).sum::<f64>().sqrt()
 }
@@ -226,16 +227,15 @@ mod tests {
     use std::cell::RefCell;
 
     use super::*;
-    use crate::geom::Point;
     use crate::tomo::tests_support::Noise;
 
     /// Links from the west side to the east side, half a metre apart at both ends.
-    fn field(level_dbm: impl Fn(f64, f64) -> f64) -> LevelField {
+    fn field(level_dbm: impl Fn(f64, f64) -> f64) -> LevelField<4> {
         let of = |k: i32| {
             let (from_m, to_m) = (f64::from(k / 20) * 0.5, f64::from(k % 20) * 0.5);
-            let ends = (Point::new(0.0, from_m), Point::new(20.0, to_m));
             Level {
-                link: Link::fixed(ends.0, ends.1, 10, -60.0),
+                ends_m: [0.0, from_m, 20.0, to_m],
+                is_silent: false,
                 level_dbm: level_dbm(from_m, to_m),
                 variance_db2: 1.0,
             }
@@ -243,10 +243,9 @@ mod tests {
         LevelField::new((0..400).map(of).collect(), 0.5)
     }
 
-    fn ask(field: &LevelField, from_m: f64, to_m: f64) -> Option<(f64, f64)> {
-        let (from, to) = (Point::new(0.0, from_m), Point::new(20.0, to_m));
-        let straight = field.level_of(&Link::fixed(from, to, 1, -50.0));
-        let crossed = field.level_of(&Link::fixed(to, from, 1, -50.0));
+    fn ask(field: &LevelField<4>, from_m: f64, to_m: f64) -> Option<(f64, f64)> {
+        let straight = field.level_of(&[0.0, from_m, 20.0, to_m]);
+        let crossed = field.level_of(&[20.0, to_m, 0.0, from_m]);
         match (straight, crossed) {
             (Some(one), Some(other)) => {
                 assert!((one.0 - other.0).abs() < 1e-9 && (one.1 - other.1).abs() < 1e-9);
@@ -301,5 +300,26 @@ mod tests {
         let field = field(|_, _| -40.0);
         assert_eq!(ask(&field, 12.0, 5.0), None);
         assert_eq!(ask(&LevelField::new(Vec::new(), 0.5), 1.0, 1.0), None);
+    }
+    #[test]
+    fn in_space_a_link_that_rises_is_another_one_than_one_that_falls() {
+        let of = |k: i32| {
+            let (along_m, is_rising) = (f64::from(k / 2) * 0.25, k % 2 == 0);
+            let (from_m, to_m) = if is_rising { (1.0, 4.0) } else { (4.0, 1.0) };
+            Level {
+                ends_m: [0.0, along_m, from_m, 20.0, along_m, to_m],
+                is_silent: false,
+                level_dbm: if is_rising { -40.0 } else { -55.0 },
+                variance_db2: 1.0,
+            }
+        };
+        let field: LevelField<6> = LevelField::new((0..80).map(of).collect(), 0.5);
+        let level = |ends_m| field.level_of(&ends_m).map(|(level_dbm, _)| level_dbm);
+        let rising = level([0.0, 5.1, 1.1, 20.0, 5.1, 4.0]).unwrap();
+        let from_above = level([20.0, 5.1, 4.0, 0.0, 5.1, 1.1]).unwrap();
+        let falling = level([0.0, 5.1, 4.0, 20.0, 5.1, 1.1]).unwrap();
+        assert!((rising + 40.0).abs() < 1e-6 && (from_above + 40.0).abs() < 1e-6);
+        assert!((falling + 55.0).abs() < 1e-6, "{falling}");
+        assert_eq!(level([0.0, 5.1, 7.0, 20.0, 5.1, 7.0]), None);
     }
 }

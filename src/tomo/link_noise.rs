@@ -53,3 +53,9 @@ pub(super) fn excess_spread(link: &Link, noise: &NoiseModel) -> f64 {
     (link.spread_db * link.spread_db - noise.packet_sd_db * noise.packet_sd_db - fading_db2)
         .max(0.0)
 }
+
+/// Returns the variance of a single link whose ends were driven: what its bin hides is in it.
+pub(super) fn driven_variance(link: &Link, strength: CensoredMean, noise: &NoiseModel) -> f64 {
+    let excess_db2 = noise.spread_share * noise.spread_share * excess_spread(link, noise);
+    single_variance(link, strength, noise) + excess_db2
+}

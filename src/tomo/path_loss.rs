@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Link;
+use super::map_solver::Nuisance;
 use super::student::{self, DEGREES};
 
 /// Which links of a sweep a law was fitted to.
@@ -71,6 +72,22 @@ impl PathLoss {
             exponent: self.exponent + exponent,
             ..self
         }
+    }
+
+    /// Returns what the fit leaves open, level and exponent, as columns over links of these lengths, metres:
+    /// y = W x − δP0 + 10 δn (log d − centre).
+    pub(super) fn nuisance(&self, lengths_m: impl Iterator<Item = f64>) -> Vec<Nuisance> {
+        let slopes: Vec<f64> = lengths_m
+            .map(|length_m| spread_db(length_m) - self.centre_db)
+            .collect();
+        let column = |column: Vec<f64>, sd: f64| Nuisance {
+            column,
+            variance: sd * sd,
+        };
+        vec![
+            column(vec![1.0; slopes.len()], self.level_sd_db),
+            column(slopes, self.exponent_sd),
+        ]
     }
 
     /// Fits links (their means as given) with Student-t noise, ν = 4, by iterative reweighting;

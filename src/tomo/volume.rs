@@ -1,14 +1,20 @@
 //! Images in three dimensions: voxels between links whose ends have heights, as of copters.
 //!
 //! A link weighs by its length in each voxel (Siddon 1985). The solvers are those of pixels ([`super::solvers`]), but for the most
-//! probable volume ([`map`]); `auto` chooses by what predicts best the links that it was not told. Deliberately absent: path
-//! loss, zones around links, persons.
+//! probable volume ([`map`]); `auto` chooses by what predicts best the links that it was not told. Links come from samples by
+//! [`space_bins`] and [`calibration`]. Deliberately absent: zones around links, persons.
 
+mod calibration;
 mod in_space;
 mod map;
+mod space_bins;
+
+pub use calibration::{SpaceCalibration, calibrate_in_space};
+pub use space_bins::{SpaceBins, SpaceLink};
 
 use super::Observation;
 use super::box_grid::BoxGrid;
+use super::path_loss::PathLoss;
 use super::progress::{ImagingStep, Watch};
 use super::settings::Solver;
 use super::solvers::{self, Choice, LinkProblem};
@@ -80,6 +86,12 @@ pub struct VolumeLink {
 }
 
 impl VolumeLink {
+    /// Returns its length, metres.
+    fn length_m(&self) -> f64 {
+        let step = [0, 1, 2].map(|axis| self.to_m[axis] - self.from_m[axis]);
+        step.iter().map(|side| side * side).sum::<f64>().sqrt()
+    }
+
     /// Returns it as solvers take it, which know of no places.
     fn observation(&self) -> Observation {
         let on_ground = |[x_m, y_m, _]: [f64; 3]| Point::new(x_m, y_m);
@@ -149,12 +161,14 @@ pub enum VolumeError {
 }
 
 /// Reconstructs a volume; links that do not touch it are passed over. What a solver believes is said as for pixels: what is
-/// alike in one layer so far is so as far upward. `watch` is told each step when it begins.
+/// alike in one layer so far is so as far upward. `law` is the path loss that the links are compared with, whose level and exponent
+/// are found with the volume; `None` = they are compared with an empty sweep. `watch` is told each step when it begins.
 ///
 /// # Errors
 /// [`VolumeError`].
 pub fn reconstruct_volume(
     links: &[VolumeLink],
+    law: Option<PathLoss>,
     grid: VoxelGrid,
     solver: &Solver,
     watch: &dyn Fn(ImagingStep),
@@ -162,12 +176,13 @@ pub fn reconstruct_volume(
     if grid.voxels() > MOST_VOXELS {
         return Err(VolumeError::TooManyVoxels);
     }
-    let (mut rows, mut observations) = (WeightRows::new(), Vec::new());
+    let (mut rows, mut observations, mut used_m) = (WeightRows::new(), Vec::new(), Vec::new());
     for link in links {
         let lengths_m = voxels_of(link, &grid);
         if !lengths_m.is_empty() {
             rows.push_row(lengths_m);
             observations.push(link.observation());
+            used_m.push(link.length_m());
         }
     }
     match observations.len() {
@@ -175,12 +190,13 @@ pub fn reconstruct_volume(
         links if links > MOST_VOLUME_LINKS => return Err(VolumeError::TooManyLinks { links }),
         _ => {}
     }
+    let nuisance = law.map_or_else(Vec::new, |law| law.nuisance(used_m.into_iter()));
     let projector = solvers::projector(solver, &rows, grid.voxels());
     let problem = LinkProblem {
         projector: &projector,
         boxes: BoxGrid::of_voxels(&grid),
         observations: &observations,
-        nuisance: &[],
+        nuisance: &nuisance,
         watch: Watch(watch),
     };
     let solved = match *solver {
@@ -208,7 +224,7 @@ pub fn reconstruct_volume(
 /// Returns the voxels under a link and its length in each, metres: cut at all walls between voxels (Siddon 1985).
 fn voxels_of(link: &VolumeLink, grid: &VoxelGrid) -> Vec<(u32, f64)> {
     let step = [0, 1, 2].map(|axis| link.to_m[axis] - link.from_m[axis]);
-    let length_m = step.iter().map(|side| side * side).sum::<f64>().sqrt();
+    let length_m = link.length_m();
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     let mut shares = Vec::new();
     for (axis, step) in step.into_iter().enumerate() {

@@ -27,7 +27,7 @@ fn samples_at(east_m: f64, person: Option<(f64, f64)>, channel: u8) -> String {
     text
 }
 
-fn check_refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
+pub(super) fn check_refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
     let folder = folder_with(files);
     let before = names(folder.path());
     let outputs = ["--png", "o.png", "--json", "o.json"];
@@ -330,7 +330,10 @@ fn links_with_heights_make_a_volume() {
     check_refused(
         &files,
         &asked,
-        &["now.csv: found samples", "takes no samples"],
+        &[
+            "now.csv: found a sample without altitudes in line 2",
+            "tx_z_m and rx_z_m",
+        ],
     );
 }
 

@@ -26,6 +26,8 @@ mod drivers;
 mod forgers;
 mod grounds;
 mod live_missions;
+#[cfg(feature = "dash")]
+mod live_recordings;
 mod mavlink;
 mod member;
 mod missions;
@@ -42,6 +44,8 @@ mod page_cut;
 mod page_export;
 #[cfg(feature = "dash")]
 mod page_figures;
+#[cfg(feature = "dash")]
+mod page_flood;
 #[cfg(feature = "dash")]
 mod page_hands;
 #[cfg(feature = "dash")]

@@ -17,6 +17,9 @@ use crate::websocket::{Incoming, WebSocket, upgrade};
 
 /// Stops that are pressed.
 const STOPS: usize = 40;
+/// So long a page is fed for its heap, and at most so much of that may be kept, megabytes.
+const MINUTES: u32 = 6;
+const HEAP_MB: f64 = 100.0;
 /// Of each figure over time.
 const OVER: Duration = Duration::from_secs(20);
 
@@ -77,13 +80,10 @@ fn processor_s(id: u32) -> f64 {
     all.map(|(_, (_, ticks))| ticks).sum::<f64>() / 100.0
 }
 
-/// Returns how much memory a process has, megabytes.
-fn memory_mb(id: u32) -> f64 {
+/// Returns how much memory a process has or had, by a name that Linux gives it, megabytes.
+pub fn memory_mb(id: u32, name: &str) -> f64 {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
-    let line = status
-        .lines()
-        .find(|line| line.starts_with("VmRSS"))
-        .unwrap();
+    let line = status.lines().find(|line| line.starts_with(name)).unwrap();
     line.split_whitespace()
         .nth(1)
         .unwrap()
@@ -104,20 +104,25 @@ fn counted(browser: &mut Browser, server: u32) -> [f64; 4] {
     ]
 }
 
-/// Returns for how long a page's thread has run scripts, computed styles, laid out, and been busy in all, seconds.
-fn busy_s(browser: &mut Browser) -> [f64; 4] {
+/// Returns what the browser has measured of a page, by these names.
+fn metrics<const COUNT: usize>(browser: &mut Browser, names: [&str; COUNT]) -> [f64; COUNT] {
     let all = browser.ask("Performance.getMetrics", json!({}));
-    [
-        "ScriptDuration",
-        "RecalcStyleDuration",
-        "LayoutDuration",
-        "TaskDuration",
-    ]
-    .map(|name| {
+    names.map(|name| {
         let metrics = all["metrics"].as_array().unwrap();
         let metric = metrics.iter().find(|metric| metric["name"] == name);
         metric.unwrap()["value"].as_f64().unwrap()
     })
+}
+
+/// Returns for how long a page's thread has run scripts, computed styles, laid out, and been busy in all, seconds.
+fn busy_s(browser: &mut Browser) -> [f64; 4] {
+    let names = [
+        "ScriptDuration",
+        "RecalcStyleDuration",
+        "LayoutDuration",
+        "TaskDuration",
+    ];
+    metrics(browser, names)
 }
 
 /// Prints what a page draws and reads each second.
@@ -180,7 +185,61 @@ fn frames_and_feed_of_eight_vehicles_and_frames_of_fifty() {
         rates(&format!("{what}, flying"), &mut browser, server);
         browser.key_part("keyUp", "d", "KeyD", 68);
     }
-    println!("the simulation and its server: {:.0} MB", memory_mb(server));
+    println!(
+        "the simulation and its server: {:.0} MB",
+        memory_mb(server, "VmRSS")
+    );
+    assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+/// Counts the page's frames: what it draws in one turn of the browser.
+const FRAMES: &str = "(() => { const next = requestAnimationFrame; globalThis.framesDrawn = 0;
+    globalThis.requestAnimationFrame = (act) => next((at) => { framesDrawn += 1; act(at); }); })()";
+
+/// Returns the heap of a page's scripts, megabytes: as it is, and without what nothing needs any more.
+fn heap_mb(browser: &mut Browser) -> [f64; 2] {
+    let [with_garbage] = metrics(browser, ["JSHeapUsedSize"]);
+    browser.ask("HeapProfiler.collectGarbage", json!({}));
+    let [kept] = metrics(browser, ["JSHeapUsedSize"]);
+    [with_garbage, kept].map(|bytes| bytes / 1e6)
+}
+
+#[test]
+#[ignore = "figures, on a quiet machine"]
+fn the_heap_of_a_page_and_its_scripts_for_each_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = field(folder.path(), 8);
+    let Some(mut browser) = Browser::open(1280, 800) else {
+        return;
+    };
+    let out = folder.path().join("out");
+    let simulation = SimulationWithPage::of(&config, &out, &["--pace", "1"]);
+    browser.ask("Performance.enable", json!({}));
+    browser.go(&simulation.dash.look);
+    browser.until("tomoswarm.model.states.size === 8", 60);
+    browser.eval(FRAMES);
+    for minute in 1..=MINUTES {
+        // The last one in three dimensions.
+        if minute == MINUTES {
+            key(&mut browser, 'v');
+            browser.until("tomoswarm.view.space?.frames > 3", 60);
+        }
+        let frames = "framesDrawn";
+        let (busy_before, before) = (busy_s(&mut browser), browser.eval(frames).as_f64().unwrap());
+        std::thread::sleep(Duration::from_secs(60));
+        let (busy, after) = (busy_s(&mut browser), browser.eval(frames).as_f64().unwrap());
+        let of_frame_ms = |of: usize| 1000.0 * (busy[of] - busy_before[of]) / (after - before);
+        let [with_garbage, kept] = heap_mb(&mut browser);
+        println!(
+            "minute {minute}{}: {:.1} frames/s, each {:.2} ms of scripts, {:.2} ms of the page's thread in all; heap {with_garbage:.1} MB, \
+             {kept:.2} MB of it kept",
+            if minute == MINUTES { ", in 3D" } else { "" },
+            (after - before) / 60.0,
+            of_frame_ms(0),
+            of_frame_ms(3)
+        );
+        assert!(kept < HEAP_MB, "{kept} MB");
+    }
     assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
@@ -220,7 +279,7 @@ fn the_server_with_five_pages_takes_little() {
         println!(
             "{pages} pages: {:.1} % of a core, {:.0} MB",
             100.0 * share,
-            memory_mb(server)
+            memory_mb(server, "VmRSS")
         );
     }
 }

@@ -338,8 +338,12 @@ fn controls_and_the_first_picture_are_there_soon() {
         browser.go("about:blank");
         browser.go(&dash.operate);
         browser.until("performance.getEntriesByName('picture').length === 1", 20);
-        let tiles = "tomoswarm.model.place.tiles > 0 && tomoswarm.model.tiles.size >= tomoswarm.model.place.tiles";
-        assert_eq!(browser.eval(tiles), true, "with the map");
+        let tiles = "[performance.getEntriesByName('picture')[0].detail.tiles, tomoswarm.model.place.tiles]";
+        let tiles = numbers(&mut browser, tiles);
+        assert!(
+            tiles[1] > 0.0 && tiles[0] >= tiles[1],
+            "with the map: {tiles:?}"
+        );
         for (of, at_ms) in all.iter_mut().zip(numbers(&mut browser, TIMES)) {
             of.push(at_ms);
         }

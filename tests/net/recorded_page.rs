@@ -48,13 +48,13 @@ fn recorded_as(folder: &Path, name: &str, options: &[&str]) -> PathBuf {
 }
 
 /// A page of a recording that is served.
-struct Served {
+pub struct Served {
     child: Child,
-    dash: Dash,
+    pub dash: Dash,
 }
 
 impl Served {
-    fn start(folder: &Path) -> Served {
+    pub fn start(folder: &Path) -> Served {
         Served::beside(folder, None)
     }
 

@@ -12,7 +12,7 @@ use crate::tomo::censored::CensoredMean;
 use crate::tomo::displaced_ends::slopes;
 use crate::tomo::kriging::{Level, LevelField};
 use crate::tomo::link_ends::LinkEnds;
-use crate::tomo::link_noise::{below_bound_db2, excess_spread, single_variance};
+use crate::tomo::link_noise::{below_bound_db2, driven_variance};
 use crate::tomo::path_loss::spread_db;
 use crate::tomo::settings::{ImagingSettings, NoiseModel};
 use crate::tomo::weights::{WeightModel, WeightRows};
@@ -24,7 +24,7 @@ const MOST_WEIGHTS: usize = 1 << 22;
 /// An empty sweep whose ends were driven.
 #[derive(Debug)]
 pub(super) struct DrivenSweep {
-    field: LevelField,
+    field: LevelField<4>,
     exponent: f64,
     /// What was said of the links that were asked for last.
     known: BTreeMap<LinkEnds, Option<Answer>>,
@@ -127,7 +127,7 @@ impl DrivenSweep {
                 .zip(explained_db(structure, links, settings.weights));
             levels
                 .map(|(link, explained_db)| {
-                    let (level_dbm, variance_db2) = self.field.level_of(link)?;
+                    let (level_dbm, variance_db2) = self.field.level_of(&ends_m(link))?;
                     Some((level_dbm - explained_db, variance_db2))
                 })
                 .collect()
@@ -143,7 +143,7 @@ impl DrivenSweep {
             Some(Answer {
                 level_dbm,
                 variance_db2,
-                is_silent_around: self.field.is_silent_around(link),
+                is_silent_around: self.field.is_silent_around(&ends_m(link)),
                 slope_db2_m2,
             })
         })
@@ -152,13 +152,17 @@ impl DrivenSweep {
 }
 
 /// Returns the strength of a link but for its distance, and its variance.
-fn level_of(link: &Link, strength: CensoredMean, exponent: f64, noise: &NoiseModel) -> Level {
-    let excess_db2 = noise.spread_share * noise.spread_share * excess_spread(link, noise);
+fn level_of(link: &Link, strength: CensoredMean, exponent: f64, noise: &NoiseModel) -> Level<4> {
     Level {
-        link: *link,
+        ends_m: ends_m(link),
+        is_silent: link.is_silent(),
         level_dbm: strength.mean_dbm + exponent * spread_db(link.length_m()),
-        variance_db2: single_variance(link, strength, noise) + excess_db2,
+        variance_db2: driven_variance(link, strength, noise),
     }
+}
+
+fn ends_m(link: &Link) -> [f64; 4] {
+    [link.from.x_m, link.from.y_m, link.to.x_m, link.to.y_m]
 }
 
 /// Returns what an image explains of the attenuation of links, dB; 0 without one.

@@ -27,7 +27,7 @@ const SMALLEST_STEP: f64 = 1e-3;
 /// Half the step of the derivatives by place, radii of a person.
 const HALF_STEP: f64 = 0.07;
 /// Strengths lie within these shares of the expected one.
-const STRENGTHS: (f64, f64) = (0.04, 5.0);
+pub(super) const STRENGTHS: (f64, f64) = (0.04, 5.0);
 /// Products are taken of so many terms before the logarithm, each of them below a million.
 const TERMS: usize = 32;
 

@@ -119,6 +119,37 @@ fn two_persons_are_found_and_nobody_else() {
     }
 }
 
+/// Of who is plain and of who is often not found at all; 0.9 less three deviations of so many draws.
+#[test]
+fn of_ten_persons_nine_stand_within_their_ellipses() {
+    for links in [1500, 600] {
+        let (mut inside, mut outside) = (0, 0);
+        for seed in 0..100u32 {
+            let person = Point::new(
+                5.0 + 0.1 * f64::from(seed),
+                12.0 - 0.07 * f64::from(seed % 50),
+            );
+            let observations = sweep(links, &[person], u64::from(seed));
+            for find in find(&observations).found {
+                let off = person - find.at;
+                let [xx, xy, yy] = find.covariance_m2;
+                let square = (yy * off.x_m * off.x_m - 2.0 * xy * off.x_m * off.y_m
+                    + xx * off.y_m * off.y_m)
+                    / (xx * yy - xy * xy);
+                // 90 % of a normal distribution of two dimensions.
+                match square <= 4.605 {
+                    true => inside += 1,
+                    false => outside += 1,
+                }
+            }
+        }
+        println!("{links} links: {inside} of {} within", inside + outside);
+        assert!(inside + outside > 60, "{inside} and {outside} of 100");
+        let share = f64::from(inside) / f64::from(inside + outside);
+        assert!((0.80..=0.99).contains(&share), "{links} links: {share}");
+    }
+}
+
 #[test]
 fn links_without_noise_give_persons_back() {
     let persons = [Point::new(6.2, 13.1), Point::new(14.7, 5.4)];

@@ -1,13 +1,14 @@
 //! The most probable volume under a smooth prior with robust noise, as the solver `map` does it for pixels, by the links:
 //!
 //! ```text
-//!   K = W C Wᵀ + S        x = C Wᵀ K⁻¹ y        C = σ² exp(−r / δ)
+//!   K = W C Wᵀ + H B Hᵀ + S        x = C Wᵀ K⁻¹ y        C = σ² exp(−r / δ)
 //! ```
 //!
-//! S = noise of the links, made larger for those that contradict the volume (Student-t). Time grows with the cube of the links.
+//! H, B = what the path loss leaves open and its variances; S = noise of the links, made larger for those that contradict the volume (Student-t). Time grows with the cube of the links.
 
 use super::VoxelGrid;
 use crate::tomo::cholesky::Cholesky;
+use crate::tomo::map_solver::Nuisance;
 use crate::tomo::prior::Prior;
 use crate::tomo::progress::ImagingStep;
 use crate::tomo::solvers::{LinkProblem, Solved};
@@ -29,11 +30,17 @@ pub(super) fn solve(problem: &LinkProblem<'_>, grid: &VoxelGrid, prior: Prior) -
         problem
             .watch
             .tell(ImagingStep::Solving { done, of: ROUNDS });
-        let entry = |i: usize, j: usize| gram[i][j] + if i == j { noise_db2[i] } else { 0.0 };
+        let open_db2 = |i: usize, j: usize| -> f64 {
+            let of = |one: &Nuisance| one.variance * one.column[i] * one.column[j];
+            problem.nuisance.iter().map(of).sum()
+        };
+        let entry = |i: usize, j: usize| {
+            gram[i][j] + open_db2(i, j) + if i == j { noise_db2[i] } else { 0.0 }
+        };
         let factor = Cholesky::of(links.len(), entry)?;
         dual = links.iter().map(|link| link.attenuation_db).collect();
         factor.solve(&mut dual);
-        // What is left of y is S α.
+        // What is left of y is S α; volumes do not ask what the path loss was found to be.
         residual_db = noise_db2
             .iter()
             .zip(&dual)

@@ -144,7 +144,7 @@ fn every_solver_of_pixels_makes_volumes_and_auto_is_nearer_the_truth_than_the_sm
     for (seed, (phantom, truth, most)) in phantoms.into_iter().enumerate() {
         let links = measured(truth, seed as u64);
         let errors = solvers().map(|(name, solver)| {
-            let volume = reconstruct_volume(&links, GRID, &solver, &|_| ()).unwrap();
+            let volume = reconstruct_volume(&links, None, GRID, &solver, &|_| ()).unwrap();
             let error = relative_error(&volume, truth);
             let chosen = volume.choice.map_or(String::new(), |of| of.best.words());
             println!("{phantom} by {name}: {error:.3} {chosen}");
@@ -163,7 +163,7 @@ fn persons_are_not_drawn_on_voxels() {
     let points = Solver::Points(ImagingSettings::sparse_for(area));
     let links = links(persons);
     assert_eq!(
-        reconstruct_volume(&links[..50], GRID, &points, &|_| ()),
+        reconstruct_volume(&links[..50], None, GRID, &points, &|_| ()),
         Err(VolumeError::Persons)
     );
 }
@@ -192,7 +192,7 @@ fn the_pieces_of_a_link_sum_up_to_its_length_within() {
 
 #[test]
 fn two_boxes_at_two_heights_are_told_apart() {
-    let volume = reconstruct_volume(&links(truth), GRID, &map(), &|_| ()).unwrap();
+    let volume = reconstruct_volume(&links(truth), None, GRID, &map(), &|_| ()).unwrap();
     let mean = |low: [f64; 3], high: [f64; 3]| {
         let inside = |index: &usize| {
             let at = GRID.centre(*index);
@@ -238,7 +238,7 @@ fn a_world_turned_upside_down_gives_the_image_upside_down() {
         .collect();
     for (name, solver) in solvers() {
         let [one, other] = [&upright, &mirrored]
-            .map(|links| reconstruct_volume(&links[..300], GRID, &solver, &|_| ()).unwrap());
+            .map(|links| reconstruct_volume(&links[..300], None, GRID, &solver, &|_| ()).unwrap());
         for index in 0..GRID.voxels() {
             let [column, row, layer] = GRID.place(index);
             let below = GRID.index([column, row, 5 - layer]);
@@ -258,11 +258,11 @@ fn links_beside_the_volume_make_none() {
         is_at_floor: false,
     };
     assert_eq!(
-        reconstruct_volume(&[far], GRID, &map(), &|_| ()),
+        reconstruct_volume(&[far], None, GRID, &map(), &|_| ()),
         Err(VolumeError::NoLinks)
     );
     assert_eq!(
-        reconstruct_volume(&[], GRID, &map(), &|_| ()),
+        reconstruct_volume(&[], None, GRID, &map(), &|_| ()),
         Err(VolumeError::NoLinks)
     );
 }

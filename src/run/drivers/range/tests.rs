@@ -116,11 +116,7 @@ impl Driver {
             if let Some(echo) = echo.filter(|echo| echo.number == self.pings) {
                 return echo.range_m;
             }
-            assert!(
-                began.elapsed() < SOON,
-                "no answer: {:?}",
-                self.trouble()
-            );
+            assert!(began.elapsed() < SOON, "no answer: {:?}", self.trouble());
         }
     }
 
@@ -368,11 +364,7 @@ fn a_vehicle_without_a_range_sensor_answers_nothing_and_misses_nothing() {
     let mut driver = Driver::of(&RangeDriver::None);
     driver.ping();
     assert_eq!(
-        (
-            driver.range.health(),
-            driver.trouble(),
-            driver.echoes()
-        ),
+        (driver.range.health(), driver.trouble(), driver.echoes()),
         (None, None, vec![])
     );
 }
