@@ -14,8 +14,7 @@ use crate::recorded_page::Served;
 use crate::swarm::{Swarm, vehicle};
 
 /// What a page shows in what a live one and one of recordings can both know: no ages, no names (of vehicle files), no page's own
-/// orders and seat, and of what
-/// happened no node's log, of which recordings have other lines, nor since when somebody is heard.
+/// orders and seat, and of what happened no node's log, of which recordings have other lines, nor since when somebody is heard.
 const BOARD: &str = "(() => { const { model } = tomoswarm, { place } = model;
     const digest = (numbers) => numbers.reduce((sum, n) => Math.imul(sum ^ Math.round(n * 1e6), 16777619) >>> 0, 2166136261);
     const sorted = (map, of) => [...map].sort(([one], [other]) => String(one).localeCompare(String(other))).map(of);
