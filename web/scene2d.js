@@ -247,9 +247,11 @@ export class Scene {
   }
 
   path(pen, places, isClosed) {
+    // Tracks have thousands of places, and the canvas takes longer to say how large it is than to draw a line: it is asked once.
+    const { scale } = this.view, [left, top] = this.toPixel(0, 0);
     pen.beginPath();
     places.forEach((at, index) => {
-      const [x, y] = this.toPixel(at[0], at[1]);
+      const [x, y] = [left + at[0] * scale, top - at[1] * scale];
       index === 0 ? pen.moveTo(x, y) : pen.lineTo(x, y);
     });
     if (isClosed) pen.closePath();
