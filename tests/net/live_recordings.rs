@@ -36,17 +36,19 @@ const BOARD: &str = "(() => { const { model } = tomoswarm, { place } = model;
     }; })()";
 
 /// Takes where vehicles stand off a board: of them that is known more or less.
-fn places(board: &mut Value) -> Vec<[f64; 2]> {
+fn take_places(board: &mut Value) -> Vec<[f64; 2]> {
     serde_json::from_value(board["places"].take()).unwrap()
 }
 
-/// Returns what a page shows when nothing of it has changed for two seconds, and where the vehicles stand.
+/// Returns what a page shows, but for tiles, when nothing of it has changed for two seconds, and where the vehicles stand.
 fn settled(browser: &mut Browser) -> (Value, Vec<[f64; 2]>) {
     let (began, mut since, mut last) = (Instant::now(), Instant::now(), json!({}));
     let mut places_m = Vec::new();
     while since.elapsed() < Duration::from_secs(2) {
         let mut board = browser.eval(BOARD);
-        places_m = places(&mut board);
+        places_m = take_places(&mut board);
+        // Vehicles at rest look around, and cells that they saw once change now and then until they end.
+        board["tiles"].take();
         if board != last {
             let parts = board.as_object().unwrap().iter();
             let changed: Vec<&String> = parts
@@ -60,6 +62,19 @@ fn settled(browser: &mut Browser) -> (Value, Vec<[f64; 2]>) {
         std::thread::sleep(Duration::from_millis(100));
     }
     (last, places_m)
+}
+
+/// Returns the tiles of a page as nodes that have ended have said them, when nothing of them has changed for a second.
+fn ended_tiles(browser: &mut Browser) -> Value {
+    let (mut since, mut last) = (Instant::now(), json!([]));
+    while since.elapsed() < Duration::from_secs(1) {
+        let tiles = browser.eval(BOARD)["tiles"].take();
+        if tiles != last {
+            (since, last) = (Instant::now(), tiles);
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    last
 }
 
 fn stands_under_a_stop(state: &State) -> bool {
@@ -86,15 +101,17 @@ fn a_live_run_and_its_recordings_end_on_the_same_board() {
             .count()
             == 2
     });
-    let (live, stood_m) = settled(&mut browser);
+    let (mut live, stood_m) = settled(&mut browser);
     swarm.end_in_order();
+    live["tiles"] = ended_tiles(&mut browser);
 
     let served = Served::start(swarm.folder.path());
     browser.go(&served.dash.look);
     browser.until("document.title.startsWith('REPLAY')", 10);
     browser.key("n", "KeyN", 78);
     browser.until("tomoswarm.model.isWhole() && tomoswarm.model.images.has(0) && tomoswarm.model.orders.stops.length > 0", 20);
-    let (replayed, stand_m) = settled(&mut browser);
+    let (mut replayed, stand_m) = settled(&mut browser);
+    replayed["tiles"] = ended_tiles(&mut browser);
     for of in [
         "states", "vehicles", "plans", "tiles", "images", "stops", "events",
     ] {
