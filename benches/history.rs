@@ -1,5 +1,6 @@
 //! What a swarm of eight said for some time, kept by the operator's page: how long it takes to show any moment of it, and how
-//! much memory it takes. `cargo bench --no-default-features --bench history`; `-- 6` = six hours in place of fifty minutes.
+//! much memory it takes. `cargo bench --no-default-features --bench history`; `-- 6` = six hours in place of fifty minutes,
+//! `-- 6 20` = with at most 20 MiB.
 
 #![allow(
     clippy::disallowed_methods,
@@ -35,14 +36,16 @@ fn kind(heard: &HeardMessage) -> String {
 }
 
 fn main() {
-    let hours = std::env::args()
+    let numbers: Vec<f64> = std::env::args()
         .filter_map(|arg| arg.parse().ok())
-        .next()
-        .unwrap_or(HOURS);
+        .collect();
+    let hours = numbers.first().copied().unwrap_or(HOURS);
+    let mib = numbers.get(1).map(|mib| *mib as usize);
+    let bytes_max = mib.map_or(HISTORY_BYTES_MAX, |mib| mib << 20);
     let scenario = eight::scenario(hours * 3600.0);
     let lattice = Lattice::new(scenario.sim().venue.cell_m);
     let board = Board::new(scenario.sim().venue.hash(), lattice);
-    let kept = Rc::new(std::cell::RefCell::new((History::default(), board)));
+    let kept = Rc::new(std::cell::RefCell::new((History::new(bytes_max), board)));
     let spent = Rc::new(std::cell::RefCell::new(BTreeMap::<
         String,
         (u64, usize, Duration),
@@ -71,7 +74,7 @@ fn main() {
         "what eight vehicles said is kept of the last {:.1} min; the history takes {:.1} MB of {} MB, a copy of the board {:.2} MB without its plans",
         to.since(from).as_secs_f64() / 60.0,
         history.bytes() as f64 / 1e6,
-        HISTORY_BYTES_MAX >> 20,
+        bytes_max >> 20,
         board.bytes() as f64 / 1e6
     );
     for (kind, (inputs, bytes, time)) in spent.borrow().iter() {
@@ -82,6 +85,7 @@ fn main() {
         );
     }
     println!("  the longest: {:.1?}", longest.get());
+    let mut ages_s = Vec::new();
     let mut times: Vec<Duration> = (0..MOMENTS)
         .map(|place| {
             // Back and forth, so that no moment is near the one before.
@@ -91,10 +95,17 @@ fn main() {
             let playback = Playback::begin(history, Time::ZERO, moment, 0.0);
             let mut playback = playback.expect("there is a history");
             while !playback.go_on(history, Time::ZERO, true) {}
-            began.elapsed()
+            let took = began.elapsed();
+            let states = playback.board().view().vehicles();
+            let ages = states.filter_map(|(_, seen)| Some(moment.since(seen.state.as_ref()?.at)));
+            ages_s.extend(ages.map(|age| age.as_secs_f64()));
+            took
         })
         .collect();
     times.sort();
     let (median, most) = (times[times.len() / 2], times[times.len() - 1]);
+    ages_s.sort_by(f64::total_cmp);
+    let (half, last) = (ages_s[ages_s.len() / 2], ages_s[ages_s.len() * 95 / 100]);
+    println!("states are {half:.2} s old there (median), {last:.2} s (95 %)");
     println!("a moment is had in {median:.1?} (median), {most:.1?} at most, of {MOMENTS}");
 }

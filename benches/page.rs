@@ -177,10 +177,10 @@ impl Readers {
     }
 }
 
-/// The memory that this process has now, bytes; `None` where the system does not say it.
-fn memory() -> Option<f64> {
+/// The memory that this process has now by a line of its status, bytes; `None` where the system does not say it.
+fn memory(of: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
+    let line = status.lines().find(|line| line.starts_with(of))?;
     let kb: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kb * 1024.0)
 }
@@ -249,7 +249,7 @@ fn serve_in_a_process_of_its_own(hours: f64) {
 fn serve(hours: f64) {
     let split = Time::from_secs_f64(hours * 3600.0 - FOR_S);
     let mut server = server(&scenario(hours * 3600.0));
-    let (before, mut after) = (memory(), None);
+    let (before, mut after) = (memory("VmRSS:"), None);
     let mut last: Vec<(Time, HeardMessage)> = Vec::new();
     let (mut pipe, mut said, mut length) = (std::io::stdin().lock(), Vec::new(), [0; 4]);
     while pipe.read_exact(&mut length).is_ok() {
@@ -260,7 +260,7 @@ fn serve(hours: f64) {
             server.hear(at, &heard);
         } else {
             // What is kept from here on is not the server's.
-            after = after.or_else(memory);
+            after = after.or_else(|| memory("VmRSS:"));
             last.push((at, heard));
         }
     }
@@ -271,5 +271,11 @@ fn serve(hours: f64) {
     if let (Some(before), Some(after)) = (before, after) {
         let kept = (after - before) / 1e6;
         println!("memory: {kept:.0} MB more than before the first message");
+    }
+    if let (Some(whole), Some(own)) = (memory("VmRSS:"), memory("RssAnon:")) {
+        let (whole, own) = (whole / 1e6, own / 1e6);
+        println!(
+            "with the last minute and five pages: {whole:.0} MB, {own:.0} MB of them without pages of files"
+        );
     }
 }

@@ -12,6 +12,7 @@
 pub mod board;
 pub mod cell_view;
 pub mod contents;
+mod deflate;
 pub mod events;
 pub mod frame;
 pub mod gate;

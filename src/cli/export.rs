@@ -1,6 +1,7 @@
 //! `tomoswarm export`: writes what a store holds as files for other programs. Changes nothing in the store, which may be in
 //! use by a ground station.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -249,7 +250,7 @@ impl Export {
         let mut text = format!("# {origin}\n{}{SAMPLES_HEADER}\n", comments(imaging));
         let mut bins = empty_bins(imaging);
         let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
-        let mut count = 0;
+        let (mut count, mut channels) = (0, BTreeSet::new());
         self.store.each_sample(Some(run), |stored| {
             let MeasuredSample {
                 vehicle,
@@ -262,6 +263,7 @@ impl Export {
                 sample_line(&mut text, &stored);
             }
             bins.record_sample(*vehicle, sample);
+            channels.insert(sample.channel);
             let who = (*vehicle, boot.0);
             if driven.last().is_none_or(|(last, _)| *last != who) {
                 driven.push((who, Vec::new()));
@@ -277,6 +279,7 @@ impl Export {
         if has_links {
             let as_measured = imaging.map(|file| LinksFile {
                 as_measured: true,
+                channel: channels.pop_first().filter(|_| channels.is_empty()),
                 ..file.clone()
             });
             let links = links_csv(&bins.measured_links(), as_measured.as_ref());
@@ -833,9 +836,11 @@ mod tests {
         assert!(!links.is_without_offsets && links.pooled_in_m == Some(stored.imaging.bin_m));
         let as_measured = LinksFile {
             as_measured: true,
+            channel: Some(11),
             ..stored
         };
         assert_eq!(links.imaging, Some(as_measured));
+        assert_eq!(links.channels, samples.channels);
     }
 
     #[test]

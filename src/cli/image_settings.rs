@@ -184,6 +184,7 @@ mod tests {
         LinksFile {
             area: AREA,
             as_measured: false,
+            channel: None,
             reception: Reception {
                 sensitivity_dbm: -91.0,
             },

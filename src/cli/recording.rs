@@ -278,7 +278,8 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         let header = CsvHeader::read(number, line, &of_links, expected)?;
         let bin_m = imaging.as_ref().map(|imaging| imaging.imaging.bin_m);
         let links = read_links(&header, lines, &mut heights_m)?;
-        (links, BTreeSet::new(), bin_m)
+        let channel = imaging.as_ref().and_then(|imaging| imaging.channel);
+        (links, channel.into_iter().collect(), bin_m)
     };
     let as_measured = imaging.as_ref().is_some_and(|imaging| imaging.as_measured);
     Ok(Recording {
@@ -623,6 +624,7 @@ mod tests {
         let imaging = LinksFile {
             area: Rect::new(Point::new(0.0, 0.0), Point::new(60.0, 30.0)),
             as_measured: false,
+            channel: Some(11),
             reception: Reception::default(),
             imaging: Imaging {
                 bin_m: 0.5,

@@ -482,12 +482,17 @@ pub(super) fn write_data(
     let imaging = LinksFile {
         area: sim.venue.area,
         as_measured: false,
+        channel: None,
         reception: sim.radio.reception,
         imaging: sim.imaging,
     };
+    let of_links = LinksFile {
+        channel: Some(sim.venue.swarm.channel()),
+        ..imaging.clone()
+    };
     // A comment within the comments that are TOML.
     let about = format!("# # {}\n", about(&scenario.made_from));
-    let links = |links| with_origin(links_csv(links, Some(&imaging)), &about);
+    let links = |links| with_origin(links_csv(links, Some(&of_links)), &about);
     folder.write("links.csv", links(&outcome.links).as_bytes())?;
     if sim.empty_sweep {
         folder.write("empty.csv", links(&outcome.empty_links).as_bytes())?;

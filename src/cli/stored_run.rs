@@ -45,6 +45,7 @@ pub(super) fn imaging_of(run: &StoredRun, starts: &[Provenance]) -> Option<Links
         Ok(Config::Ground(file)) => Some(LinksFile {
             area: file.venue.area,
             as_measured: false,
+            channel: None,
             reception: file.reception,
             imaging: file.imaging,
         }),

@@ -20,6 +20,8 @@ pub struct LinksFile {
     pub area: Rect,
     /// Whether they have what radios differ by, as they were measured; of samples that says nothing, which always have it.
     pub as_measured: bool,
+    /// The channel of the radio on which they were measured; `None` = it is not known, or each sample says its own.
+    pub channel: Option<u8>,
     /// How well the receivers heard.
     pub reception: Reception,
     /// How images are made.
@@ -31,6 +33,7 @@ impl Keyed for LinksFile {
         let LinksFile {
             area,
             as_measured,
+            channel,
             reception,
             imaging,
         } = self;
@@ -48,6 +51,14 @@ impl Keyed for LinksFile {
                 name: "as_measured",
                 left_out: "false",
                 means: "the links have what radios differ by",
+            },
+        );
+        to.form(
+            &mut Channel(channel),
+            KeyEntry {
+                name: "channel",
+                left_out: "not known",
+                means: "channel of the radio",
             },
         );
         reception.keys(to);
@@ -75,6 +86,23 @@ impl Form for AsMeasured<'_> {
     }
 }
 
+/// The channel, if it is known; where it is not, nothing is written.
+struct Channel<'a>(&'a mut Option<u8>);
+
+impl Form for Channel<'_> {
+    fn to_toml(&self) -> Option<String> {
+        self.0.map(|channel| channel.to_string())
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let whole = || section.whole(key, 0, 0..=usize::from(u8::MAX));
+        *self.0 = section
+            .has(key)
+            .then(whole)
+            .and_then(|channel| u8::try_from(channel).ok());
+    }
+}
+
 impl LinksFile {
     /// Returns it as TOML: every key with its value, and with unit and meaning as a comment.
     pub fn written(&self) -> String {
@@ -97,6 +125,7 @@ impl LinksFile {
             let mut file = LinksFile {
                 area: Rect::new(Point::default(), Point::default()),
                 as_measured: false,
+                channel: None,
                 reception: Reception::default(),
                 imaging: Imaging::default(),
             };

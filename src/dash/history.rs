@@ -11,7 +11,6 @@
 //! Parts are small enough for that.
 
 mod board_snapshot;
-mod deflate;
 mod packed_input;
 mod part;
 
@@ -31,7 +30,7 @@ use crate::operator::HeardMessage;
 use crate::time::Time;
 
 /// A history has at most so many bytes, the copies of boards included.
-pub const HISTORY_BYTES_MAX: usize = 32 << 20;
+pub const HISTORY_BYTES_MAX: usize = 20 << 20;
 /// Markers kept at most; the oldest go first.
 pub const MARKERS_MAX: usize = 1000;
 /// The newest parts are not thinned.

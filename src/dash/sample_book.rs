@@ -1,5 +1,5 @@
-//! The samples that were heard, run by run and packed, for whoever saves them. Bounded: when there is no room the samples of
-//! the oldest run go, and of a run that fills all of it those that come then are left out.
+//! The samples that were heard, run by run, packed and compressed, for whoever saves them. Bounded: when there is no room the
+//! samples of the oldest run go, and of a run that fills all of it those that come then are left out.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,10 +7,13 @@ use std::sync::Arc;
 use tomoswarm_proto::codec;
 use tomoswarm_proto::{Boot, RunId, Sample, VehicleId};
 
+use super::deflate::{deflate, inflate};
 use crate::tomo::{SAMPLES_HEADER, SampleLine};
 
 /// All samples together take at most so many bytes.
-const SAMPLE_BYTES_MAX: usize = 16 << 20;
+const SAMPLE_BYTES_MAX: usize = 8 << 20;
+/// So many bytes of samples of a run are compressed together.
+const BLOCK_BYTES: usize = 64 << 10;
 
 /// The samples of all runs. A copy shares what is packed until more comes.
 #[derive(Clone, Debug)]
@@ -23,7 +26,11 @@ pub struct SampleBook {
 /// Those of one run: one after another, each with its length before it.
 #[derive(Clone, Debug, Default)]
 struct RunSamples {
-    packed: Vec<u8>,
+    /// Full blocks, compressed.
+    blocks: Vec<Arc<[u8]>>,
+    block_bytes: usize,
+    /// What has come since, as it is.
+    open: Vec<u8>,
     kept: u64,
     left_out: u64,
 }
@@ -57,13 +64,16 @@ impl SampleBook {
                 self.run_mut(run).left_out += 1;
                 return;
             };
-            self.bytes -= oldest.remove().packed.len();
+            self.bytes -= oldest.remove().bytes();
         }
         let of_run = self.run_mut(run);
-        of_run.packed.extend(length.to_le_bytes());
-        of_run.packed.extend(&packed);
+        let before = of_run.bytes();
+        of_run.open.extend(length.to_le_bytes());
+        of_run.open.extend(&packed);
         of_run.kept += 1;
-        self.bytes += packed.len() + 2;
+        of_run.close_block_when_full();
+        let after = of_run.bytes();
+        self.bytes = self.bytes - before + after;
     }
 
     fn run_mut(&mut self, run: RunId) -> &mut RunSamples {
@@ -87,14 +97,15 @@ impl SampleBook {
 
     /// Returns the samples of a run that are kept, in the order in which they came, each with the vehicle that made it.
     pub fn of(&self, run: RunId) -> impl Iterator<Item = (VehicleId, Boot, Sample)> {
-        let of_run = self.runs.get(&run);
-        let mut rest = of_run.map_or(&[][..], |of_run| of_run.packed.as_slice());
-        std::iter::from_fn(move || {
-            let (length, after) = rest.split_first_chunk()?;
-            let (packed, after) = after.split_at_checked(u16::from_le_bytes(*length).into())?;
-            rest = after;
-            let ((vehicle, boot), sample) = codec::unpack(packed).ok()?;
-            Some((vehicle, boot, sample))
+        let of_run = self.runs.get(&run).into_iter();
+        of_run.flat_map(|of_run| {
+            let inflated = of_run.blocks.iter().map(|block| {
+                let mut packed = Vec::new();
+                inflate(block, &mut packed);
+                packed
+            });
+            let open = std::iter::once_with(|| of_run.open.clone());
+            inflated.chain(open).flat_map(|packed| unpacked(&packed))
         })
     }
 
@@ -119,6 +130,36 @@ impl SampleBook {
     pub fn has(&self, run: RunId) -> bool {
         self.runs.contains_key(&run)
     }
+}
+
+impl RunSamples {
+    /// Returns the bytes that they take.
+    fn bytes(&self) -> usize {
+        self.block_bytes + self.open.len()
+    }
+
+    /// Compresses what is open once it is a block.
+    fn close_block_when_full(&mut self) {
+        if self.open.len() >= BLOCK_BYTES {
+            let block = deflate(&self.open);
+            self.block_bytes += block.len();
+            self.blocks.push(block.into());
+            self.open.clear();
+        }
+    }
+}
+
+/// Returns samples that are one after another, each with its length before it.
+fn unpacked(packed: &[u8]) -> Vec<(VehicleId, Boot, Sample)> {
+    let (mut samples, mut rest) = (Vec::new(), packed);
+    while let Some((length, after)) = rest.split_first_chunk()
+        && let Some((packed, after)) = after.split_at_checked(u16::from_le_bytes(*length).into())
+        && let Ok(((vehicle, boot), sample)) = codec::unpack(packed)
+    {
+        samples.push((vehicle, boot, sample));
+        rest = after;
+    }
+    samples
 }
 
 #[cfg(test)]
@@ -154,6 +195,24 @@ mod tests {
         assert!(lines[2].starts_with("1,7,3,5,5.000000,,,2,") && lines[2].ends_with(','));
         assert_eq!((lines.len(), book.csv(RunId(4))), (3, None));
         assert_eq!((book.kept(RunId(3)), book.kept(RunId(4))), (2, 0));
+    }
+
+    #[test]
+    fn samples_of_many_blocks_come_back_as_they_came_and_a_copy_keeps_what_it_had() {
+        let mut book = SampleBook::default();
+        let of_run = |book: &SampleBook| -> Vec<u64> {
+            book.of(RunId(3))
+                .map(|(.., sample)| sample.sequence)
+                .collect()
+        };
+        (0..9000).for_each(|sequence| book.take(RunId(3), WHO, &sample(sequence)));
+        let copy = book.clone();
+        (9000..10_000).for_each(|sequence| book.take(RunId(3), WHO, &sample(sequence)));
+        let blocks = book.runs[&RunId(3)].blocks.len();
+        assert!(blocks > 2 && book.bytes < blocks * BLOCK_BYTES, "{blocks}");
+        assert_eq!(book.bytes, book.runs[&RunId(3)].bytes());
+        assert_eq!(of_run(&book), (0..10_000).collect::<Vec<u64>>());
+        assert_eq!(of_run(&copy), (0..9000).collect::<Vec<u64>>());
     }
 
     #[test]

@@ -343,6 +343,7 @@ fn what_a_links_file_says_wrongly_of_its_image_is_refused_with_its_line() {
         ("bin_m = 0.5", "bin_m = -1.0", "bin_m = -1.0"),
         ("bin_m = 0.5", "bim_m = 0.5", "did you mean bin_m?"),
         ("# area_m = [", "# area_m = [9.0, ", "area_m"),
+        ("# channel = 15", "# channel = 300", "channel = 300"),
     ] {
         assert!(good.contains(from), "{from}");
         runner.write("bad.csv", good.replacen(from, to, 1).as_str());
@@ -357,6 +358,18 @@ fn what_a_links_file_says_wrongly_of_its_image_is_refused_with_its_line() {
         );
         assert!(!runner.path("bad.npy").exists());
     }
+    let empty = String::from_utf8(runner.read("run/empty.csv")).unwrap();
+    assert!(empty.contains("# channel = 15"), "{empty}");
+    runner.write(
+        "other.csv",
+        empty.replace("# channel = 15", "# channel = 26"),
+    );
+    let words = "image run/links.csv --npy bad.npy --empty";
+    let with = |empty: &'static str| words.split(' ').chain([empty]).collect::<Vec<_>>();
+    let said = "other.csv: found channel 26, expected an empty sweep on channel 15 as the sweep";
+    runner.refused(&with("other.csv"), &[said]);
+    assert!(!runner.path("bad.npy").exists());
+    assert_eq!(runner.run(&with("run/empty.csv")).code, 0);
 }
 
 #[test]

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use tomoswarm_proto::codec::{self, EncodeError};
 use tomoswarm_proto::{Lease, Plan, Revision, RunId, VehicleId};
 
-use super::deflate::{deflate, inflate};
 use crate::dash::board::Board;
+use crate::dash::deflate::{deflate, inflate};
 use crate::dash::radio::RadioView;
 
 /// What tells a plan of a vehicle from its others.

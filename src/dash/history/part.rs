@@ -6,9 +6,9 @@ use std::time::Duration;
 use tomoswarm_proto::codec::{self, EncodeError};
 
 use super::board_snapshot::BoardSnapshot;
-use super::deflate::{deflate, inflate};
 use super::packed_input::{PackedInput, Replaced, replaced};
 use crate::dash::board::BoardInput;
+use crate::dash::deflate::{deflate, inflate};
 use crate::time::Time;
 
 /// A part is full with so many inputs, or so many bytes of them: a page that looks back has one of them uncompressed.

@@ -57,6 +57,7 @@ pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
         all.push(segment);
     }
     settle_utc(&mut all);
+    run.notes.extend(place_starts(&mut all));
     let recorded: BTreeSet<Sender> = all.iter().filter_map(|segment| segment.node).collect();
     let hears_for_all = hears_for_all(&recorded);
     let starts_ns = all.iter().map(|segment| segment.utc_at_zero_ns);
@@ -109,6 +110,55 @@ fn settle_utc(all: &mut [SegmentContents]) {
             segment.utc_at_zero_ns = Some(*utc_ns);
         }
     }
+}
+
+/// Places starts of which no UTC was noted by those of the same node that noted one: after the last words of the one before,
+/// or else so that they end where the next one begins. Returns a note of each; how long the node was away nobody knows.
+fn place_starts(all: &mut [SegmentContents]) -> Vec<String> {
+    let mut starts = BTreeMap::<(Sender, u32), StartTimes>::new();
+    for segment in all.iter() {
+        if let Some(start) = segment.start() {
+            let times = starts.entry(start).or_default();
+            times.utc_at_zero_ns = segment.utc_at_zero_ns;
+            times.last_ns = times.last_ns.max(segment.last_ns());
+        }
+    }
+    let mut in_order: Vec<((Sender, u32), StartTimes)> = starts.into_iter().collect();
+    let mut placed = BTreeMap::new();
+    let onwards = (1..in_order.len()).map(|at| (at - 1, at));
+    let backwards = (1..in_order.len()).rev().map(|at| (at, at - 1));
+    for (known, open) in onwards.chain(backwards) {
+        let ((node, _), beside) = in_order[known];
+        let (start, times) = &mut in_order[open];
+        let Some(utc_ns) = beside.utc_at_zero_ns.filter(|_| start.0 == node) else {
+            continue;
+        };
+        if times.utc_at_zero_ns.is_none() {
+            let placed_ns = match known < open {
+                true => utc_ns.saturating_add(beside.last_ns),
+                false => utc_ns.saturating_sub(times.last_ns),
+            };
+            times.utc_at_zero_ns = Some(placed_ns);
+            placed.insert(*start, placed_ns);
+        }
+    }
+    for segment in all.iter_mut() {
+        let utc_ns = segment.start().and_then(|start| placed.get(&start));
+        segment.utc_at_zero_ns = utc_ns.copied().or(segment.utc_at_zero_ns);
+    }
+    let note = |(node, start): &(Sender, u32)| {
+        format!(
+            "{node}: its start {start} noted no time of day; it is shown right beside one that did"
+        )
+    };
+    placed.keys().map(note).collect()
+}
+
+/// When a start of a node was, and how long it said something.
+#[derive(Clone, Copy, Default)]
+struct StartTimes {
+    utc_at_zero_ns: Option<u64>,
+    last_ns: u64,
 }
 
 /// Returns lines of nodes' logs as they would have been said to operators, numbered for each node over all its starts.
@@ -205,6 +255,14 @@ impl SegmentContents {
     /// Returns which start of which node it is of, if it says so.
     fn start(&self) -> Option<(Sender, u32)> {
         self.node.zip(self.software_start)
+    }
+
+    /// Returns the time since its start of the last that it holds.
+    fn last_ns(&self) -> u64 {
+        let said = self.said.iter().map(|(at, _)| at);
+        let heard = self.heard.iter().map(|(at, _)| at);
+        let all = said.chain(heard).chain(self.lines.iter().map(|(at, _)| at));
+        all.map(|at| at.as_nanos()).max().unwrap_or(0)
     }
 
     fn take(
@@ -384,5 +442,41 @@ mod tests {
         assert_eq!(utc_ns(&all), [None, first, set, None, Some(1_000)]);
         settle_utc(&mut all);
         assert_eq!(utc_ns(&all), [set, set, set, None, Some(1_000)]);
+    }
+
+    #[test]
+    fn a_start_without_utc_stands_after_the_last_words_of_the_one_before_or_else_before_the_next() {
+        let of = |vehicle: u8, start: Option<u32>, utc_at_zero_ns: Option<u64>, last_ns: u64| {
+            SegmentContents {
+                node: Some(Sender::Vehicle(VehicleId(vehicle))),
+                software_start: start,
+                utc_at_zero_ns,
+                lines: vec![(Time::from_nanos(last_ns), String::new())],
+                ..SegmentContents::default()
+            }
+        };
+        let mut all = vec![
+            of(1, Some(1), None, 30),
+            of(1, Some(2), Some(1_000), 40),
+            // A start of two segments, and one after it.
+            of(1, Some(3), None, 20),
+            of(1, Some(3), None, 70),
+            of(1, Some(4), None, 5),
+            of(1, Some(5), Some(9_000), 100),
+            // One that says no start is shown from the beginning, as is a node that never knew.
+            of(1, None, None, 1),
+            of(2, Some(6), None, 1),
+        ];
+        let notes = place_starts(&mut all);
+        let placed: Vec<Option<u64>> = all.iter().map(|segment| segment.utc_at_zero_ns).collect();
+        let expected = [970, 1_000, 1_040, 1_040, 1_110, 9_000];
+        let known = expected.into_iter().map(Some);
+        assert_eq!(placed, known.chain([None, None]).collect::<Vec<_>>());
+        let note = |start: u32| {
+            format!(
+                "vehicle 1: its start {start} noted no time of day; it is shown right beside one that did"
+            )
+        };
+        assert_eq!(notes, [1, 3, 4].map(note));
     }
 }
