@@ -276,10 +276,9 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     } else {
         let expected = expected_of_links(line);
         let header = CsvHeader::read(number, line, &of_links, expected)?;
-        let bin_m = imaging.as_ref().map(|imaging| imaging.imaging.bin_m);
-        let links = read_links(&header, lines, &mut heights_m)?;
-        let channel = imaging.as_ref().and_then(|imaging| imaging.channel);
-        (links, channel.into_iter().collect(), bin_m)
+        let bin_m = imaging.as_ref().map(|head| head.imaging.bin_m);
+        let channels = imaging.iter().filter_map(|head| head.channel).collect();
+        (read_links(&header, lines, &mut heights_m)?, channels, bin_m)
     };
     let as_measured = imaging.as_ref().is_some_and(|imaging| imaging.as_measured);
     Ok(Recording {
